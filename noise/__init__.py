@@ -1,0 +1,1 @@
+"""What radiation and the sensor add to a clip: the only randomness of the images."""

@@ -1,0 +1,1 @@
+"""The harness: scenario files, campaigns, scoring and the command line; the only package that knows the other three."""

@@ -1,0 +1,1 @@
+"""What the cameras see: a ray-cast stereo simulator of a lit pedestal with falling drops."""
