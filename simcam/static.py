@@ -1,0 +1,145 @@
+"""The static layer: the pedestal as one camera sees it without drops, cast once per rig and scene.
+
+`light_scene` prepares what all cameras share (maps, mesh, bounced light), `static_view` casts one ray per pixel. Both
+are kept by content for the life of the process, so a second clip with the same rig and scene casts no ray here.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from simcam.camera import Camera
+from simcam.content import ContentCache, content_key
+from simcam.lens import FloatArray
+from simcam.light import LAMP_SAMPLES, lamp_visibility, open_irradiance
+from simcam.radiosity import bounced_irradiance
+from simcam.scene import Lamp, Pedestal, Scene
+from simcam.surface import STRUCTURE, MapReader, Obstacles, Surface, build_obstacles, trace
+
+CACHED_SCENES = 4
+CACHED_VIEWS = 6  # 19 MB each at 960 x 540 and one lamp
+
+
+@dataclass(frozen=True, eq=False)
+class LitScene:
+    """A scene's static surfaces with their light: what any ray needs to know the radiance where it ends."""
+
+    pedestal: Pedestal
+    lamps: tuple[Lamp, ...]
+    obstacles: Obstacles | None
+    reflectance: MapReader
+    bounced: MapReader
+    ambient_w_m2: float  # bounced irradiance on structure: the walls' mean
+
+    def look(self, origins_m: FloatArray, directions: FloatArray) -> Surface:
+        """First static surface along rays (3, n)."""
+        return trace(self.pedestal, self.obstacles, origins_m, directions)
+
+    def direct_radiance(self, surface: Surface, samples: int) -> FloatArray:
+        """Radiance W m^-2 sr^-1 (lamps, n) that each lamp's direct light gives; `samples` shadow rays per lamp."""
+        lambert = self.reflectances(surface) / np.float32(np.pi)
+        return np.stack(
+            [
+                lambert
+                * open_irradiance(lamp, surface.points_m, surface.normals)
+                * lamp_visibility(lamp, surface, self.obstacles, samples)
+                for lamp in self.lamps
+            ]
+            or [np.zeros((0, surface.kind.size), np.float32)]
+        ).reshape(len(self.lamps), -1)
+
+    def bounced_radiance(self, surface: Surface) -> FloatArray:
+        """Radiance W m^-2 sr^-1 (n,) of light that came by way of other walls."""
+        irradiance = np.where(surface.kind == STRUCTURE, np.float32(self.ambient_w_m2), self.bounced.read(surface))
+        return self.reflectances(surface) * irradiance / np.float32(np.pi)
+
+    def reflectances(self, surface: Surface) -> FloatArray:
+        """Diffuse reflectance (n,) of the surface's points."""
+        values = self.reflectance.read(surface)
+        if self.obstacles is not None and surface.face is not None:
+            on_structure = surface.kind == STRUCTURE
+            values = np.where(on_structure, self.obstacles.reflectance[np.maximum(surface.face, 0)], values)
+        return values
+
+
+@dataclass(frozen=True, eq=False)
+class StaticView:
+    """One camera's static layer, pixels in rows: radiances W m^-2 sr^-1, places in world metres, all float32.
+
+    radiance (height, width); direct (lamps, height * width), without lamps seen directly; points_m (3, height * width);
+    range_m (height, width) along the pixel's ray.
+    """
+
+    radiance: FloatArray
+    direct: FloatArray
+    points_m: FloatArray
+    range_m: FloatArray
+
+
+_scenes: ContentCache[LitScene] = ContentCache(CACHED_SCENES)
+_views: ContentCache[StaticView] = ContentCache(CACHED_VIEWS)
+
+
+def scene_key(scene: Scene) -> bytes:
+    """Key of everything in a scene that does not move."""
+    return content_key(scene.pedestal, scene.lamps, scene.structures, scene.bounces)
+
+
+def light_scene(scene: Scene) -> LitScene:
+    """Maps, mesh and bounced light of a scene's static part, kept by content."""
+    return _scenes.get(scene_key(scene), lambda: _light_scene(scene))
+
+
+def static_view(scene: Scene, camera: Camera) -> StaticView:
+    """What the camera sees without drops, kept by content of scene and camera."""
+    key = content_key(scene_key(scene).hex(), camera)
+    return _views.get(key, lambda: cast_view(light_scene(scene), camera))
+
+
+def forget_static_layers() -> None:
+    """Empty the caches: for timing and for counting rays."""
+    _scenes.clear()
+    _views.clear()
+
+
+def _light_scene(scene: Scene) -> LitScene:
+    pedestal = scene.pedestal
+    reflectance = MapReader(pedestal, pedestal.texture.maps())
+    bounced = bounced_irradiance(pedestal, scene.lamps, reflectance, scene.bounces)
+    return LitScene(
+        pedestal,
+        scene.lamps,
+        build_obstacles(scene.structures),
+        reflectance,
+        MapReader(pedestal, bounced),
+        float(bounced.wall.mean()),
+    )
+
+
+def cast_view(lit: LitScene, camera: Camera) -> StaticView:
+    """One ray through every pixel's centre, and shadow rays where structure may hide a lamp."""
+    if not lit.pedestal.holds(camera.centre_world_m):
+        raise ValueError(f"a camera must be inside the pedestal, got one at {tuple(camera.centre_world_m)}")
+    directions = camera.pixel_rays().reshape(-1, 3).T.astype(np.float32)
+    if not np.isfinite(directions).all():
+        raise ValueError("the lens folds inside the image: no ray meets some pixels; use a weaker distortion")
+    origin_m = camera.centre_world_m.astype(np.float32)[:, None]
+    surface = lit.look(origin_m, directions)
+    direct = lit.direct_radiance(surface, LAMP_SAMPLES)
+    radiance = direct.sum(axis=0) + lit.bounced_radiance(surface)
+    for lamp in lit.lamps:
+        seen = _sees_lamp(lamp, origin_m, directions, surface.distance_m)
+        radiance[seen] = lamp.radiance_w_m2_sr
+        direct[:, seen] = 0
+    shape = (camera.height_px, camera.width_px)
+    return StaticView(radiance.reshape(shape), direct, surface.points_m, surface.distance_m.reshape(shape))
+
+
+def _sees_lamp(
+    lamp: Lamp, origin_m: FloatArray, directions: FloatArray, distance_m: FloatArray
+) -> FloatArray:
+    """Indices of the rays that meet the lamp's sphere before anything else."""
+    to_lamp = (np.asarray(lamp.position_m) - origin_m[:, 0]).astype(np.float32)
+    along = to_lamp @ directions
+    missed_by = np.maximum(to_lamp @ to_lamp - along * along, 0)
+    return np.flatnonzero((missed_by < lamp.radius_m**2) & (along > 0) & (along < distance_m))
