@@ -1,0 +1,131 @@
+"""What a bank's tracks leave in pixels: charge diffused and collected, at every quarter-pixel offset of the entry."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import cv2
+import numpy as np
+from scipy.special import ndtr
+
+from noise.arrays import Array
+from noise.bank import CELL_UM, BankKey, TrackBank, bank_for
+
+PHASES = 4
+"""Sub-pixel offsets per axis: an entry is placed to an eighth of a pixel, well under the diffusion."""
+
+SMALLEST_E = 0.5
+"""Less charge in a pixel than this is dropped from a footprint, and the rest is scaled to keep the sum."""
+
+DIFFUSION_REACH = 3.0  # standard deviations of the diffusion that a footprint includes
+PATCH_SIDES_PX = (10, 12, 14, 16, 20, 24, 32, 48, 64, 128)
+
+
+@dataclass(frozen=True)
+class Footprints:
+    """Pixels (`dx_px`, `dy_px` from the entry's pixel, `charge_e`) of every track at every phase, in one long row.
+
+    Footprint of track i at phase (row a, column b) is the slice that starts at `start[(i * PHASES + a) * PHASES + b]`
+    with `count` entries. `reach_px` (n_tracks,) is the largest offset of each track, `track_charge_e` its sum.
+    """
+
+    dx_px: np.ndarray
+    dy_px: np.ndarray
+    charge_e: Array
+    start: np.ndarray
+    count: np.ndarray
+    reach_px: np.ndarray
+    track_charge_e: Array
+    bank: TrackBank
+
+    @property
+    def n_tracks(self) -> int:
+        """Number of tracks in the bank."""
+        return len(self.reach_px)
+
+
+@lru_cache(maxsize=4)
+def footprints_for(key: BankKey, pitch_um: float, diffusion_um: float) -> Footprints:
+    """Footprints of a bank for one pitch and diffusion, kept in memory (0.5 s the first time)."""
+    bank = bank_for(key)
+    fine_per_um = PHASES / pitch_um
+    fine_x = np.rint(bank.cell_x * (CELL_UM * fine_per_um)).astype(np.int64)
+    fine_y = np.rint(bank.cell_y * (CELL_UM * fine_per_um)).astype(np.int64)
+    n_tracks = len(bank.length_um)
+    kernel = collection_kernel(diffusion_um * fine_per_um)
+    span = np.zeros(n_tracks, dtype=np.int64)
+    np.maximum.at(span, bank.track, np.maximum(np.abs(fine_x), np.abs(fine_y)))
+    # A footprint of reach r fine cells needs r and the kernel on each side, and the phase shift.
+    side_px = 2 * (-(-(span + len(kernel) // 2 + PHASES) // PHASES)) + 2
+    pieces = []
+    for low, high in zip((0, *PATCH_SIDES_PX), (*PATCH_SIDES_PX, 1 << 30), strict=True):
+        members = np.flatnonzero((side_px > low) & (side_px <= high))
+        if len(members):
+            patch = min(high, int(side_px.max()))
+            pieces.append(class_footprints(bank, members, (fine_x, fine_y), patch, kernel))
+    return sorted_footprints(bank, pieces)
+
+
+def collection_kernel(sigma_fine: float) -> Array:
+    """Charge that a point of the fine grid gives a pixel at each fine offset: a box of PHASES convolved with a Gauss.
+
+    Index c + k holds the share of the pixel whose first fine cell is k cells before the point.
+    """
+    reach = int(np.ceil(DIFFUSION_REACH * sigma_fine)) + PHASES
+    offset = np.arange(-reach, reach + 1)
+    if sigma_fine == 0:
+        return ((offset >= 0) & (offset < PHASES)).astype(float)
+    upper, lower = ndtr((offset + 0.5) / sigma_fine), ndtr((offset + 0.5 - PHASES) / sigma_fine)
+    return upper - lower
+
+
+def class_footprints(
+    bank: TrackBank, members: np.ndarray, fine: tuple[np.ndarray, np.ndarray], patch_px: int, kernel: Array
+) -> tuple[np.ndarray, ...]:
+    """Rows (label, dx, dy, charge) of the tracks that fit a patch; the patches are filtered as one tall image."""
+    side = patch_px * PHASES
+    place = np.full(len(bank.length_um), -1)
+    place[members] = np.arange(len(members))
+    rows = place[bank.track] >= 0
+    entry = (patch_px // 2) * PHASES
+    index = (place[bank.track[rows]] * side + entry + fine[1][rows]) * side + entry + fine[0][rows]
+    image: Array = np.bincount(index, bank.charge_e[rows], minlength=len(members) * side * side).astype(np.float32)
+    image = image.reshape(len(members) * side, side)
+    # sepFilter2D correlates: a tap at +k reads the point k cells after the pixel's first cell.
+    taps = kernel.astype(np.float32)
+    image = cv2.sepFilter2D(image, -1, taps, taps, borderType=cv2.BORDER_CONSTANT)
+    kept = np.flatnonzero(image.reshape(-1) >= SMALLEST_E)
+    charge = image.reshape(-1)[kept]
+    line, fine_px = np.divmod(kept.astype(np.uint32), np.uint32(side))
+    slot, fine_py = np.divmod(line, np.uint32(side))
+    # A pixel that begins k cells left of the entry's cell sees the entry at phase k (modulo a pixel).
+    dx, phase_x = np.divmod(entry - fine_px.astype(np.int32), PHASES)
+    dy, phase_y = np.divmod(entry - fine_py.astype(np.int32), PHASES)
+    label = (members.astype(np.int32)[slot] * PHASES + phase_y) * PHASES + phase_x
+    return label, -dx, -dy, charge
+
+
+def sorted_footprints(bank: TrackBank, pieces: list[tuple[np.ndarray, ...]]) -> Footprints:
+    """Put the rows of all classes in order of track and phase, scaled to the tracks' own charge."""
+    label, dx, dy, charge = (np.concatenate(column) for column in zip(*pieces, strict=True))
+    order = np.argsort(label, kind="stable")
+    label, dx, dy, charge = label[order], dx[order], dy[order], charge[order]
+    n_tracks = len(bank.length_um)
+    n_labels = n_tracks * PHASES**2
+    total = np.bincount(label, charge, minlength=n_labels)
+    own = np.bincount(bank.track, bank.charge_e, minlength=n_tracks)
+    charge = charge * (np.repeat(own, PHASES**2) / np.where(total > 0, total, 1)).astype(np.float32)[label]
+    count = np.bincount(label, minlength=n_labels)
+    reach = np.zeros(n_tracks, dtype=np.int64)
+    np.maximum.at(reach, label // PHASES**2, np.maximum(np.abs(dx), np.abs(dy)))
+    return Footprints(
+        dx_px=dx.astype(np.int16),
+        dy_px=dy.astype(np.int16),
+        charge_e=charge,
+        start=np.concatenate([[0], np.cumsum(count)[:-1]]),
+        count=count,
+        reach_px=reach,
+        track_charge_e=own,
+        bank=bank,
+    )
