@@ -1,0 +1,246 @@
+"""The command line: `leakloc`, or `python -m scenarios`."""
+
+import json
+import sys
+from collections.abc import Callable
+from functools import wraps
+from pathlib import Path
+from typing import Any
+
+import click
+
+from scenarios.clip_folder import DamagedClipError, has_manifest, verify_clip, write_clip
+from scenarios.output_folder import OutputError, creating, replacing
+from scenarios.scenario import Scenario
+from scenarios.scenario_file import ScenarioError, library_names, read_scenario
+from scenarios.truth import TruthError, read_truth
+
+INPUT_ERRORS = (ScenarioError, TruthError, OutputError, DamagedClipError)
+BAD_INPUT = 2
+FOLDER = click.Path(path_type=Path, file_okay=False)
+FILE = click.Path(path_type=Path, dir_okay=False)
+
+
+def clear_errors(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Turn an error of the user's input into one message and exit code 2; anything else is a defect and may be seen."""
+
+    @wraps(command)
+    def wrapped(*args: Any, **options: Any) -> Any:
+        from leakloc import ClipError, ResultError, RigError
+        from scenarios.irradiate import FramesError
+
+        try:
+            return command(*args, **options)
+        except (*INPUT_ERRORS, ClipError, RigError, ResultError, FramesError) as error:
+            for line in str(error).splitlines():
+                click.echo(f"Error: {line}", err=True)
+            sys.exit(BAD_INPUT)
+
+    return wrapped
+
+
+def scenario_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """SCENARIO with --set and --seed, as every command that reads a scenario has them."""
+    for decorate in (
+        click.option(
+            "--seed", type=click.IntRange(min=0), help="Replace the scenario's seed: other draws, same rules."
+        ),
+        click.option(
+            "--set",
+            "overrides",
+            multiple=True,
+            metavar="KEY=VALUE",
+            help="Change a value, say gamma.dose_rate_gy_h=3.3 or leak.0.x_m=1.2; repeatable.",
+        ),
+        click.argument("scenario", metavar="SCENARIO"),
+    ):
+        command = decorate(command)
+    return command
+
+
+@click.group(
+    context_settings={"help_option_names": ["-h", "--help"]}, epilog=f"Shipped scenarios: {', '.join(library_names())}."
+)
+@click.version_option(package_name="leakloc", prog_name="leakloc")
+def main() -> None:
+    """Simulate leaks in a dark pedestal, find them, and score what was found.
+
+    SCENARIO is a TOML file or the name of a shipped scenario. Start with: leakloc demo
+    """
+
+
+@main.command()
+@scenario_options
+@click.option("-o", "--output", "destination", type=FOLDER, required=True, help="Clip folder to make.")
+@click.option("--force", is_flag=True, help="Replace a clip that is already there.")
+@clear_errors
+def simulate(scenario: str, overrides: tuple[str, ...], seed: int | None, destination: Path, *, force: bool) -> None:
+    """Render a stereo clip with its radiation, sensor and truth."""
+    from scenarios.simulate import simulate as simulated
+
+    clip = simulated(read_scenario(scenario, overrides, seed))
+    write_clip(clip, destination, replacing if force else creating)
+    seen = sum(leak.observable for leak in clip.truth.leaks)
+    click.echo(f"{destination}: {len(clip.left)} stereo frames, {len(clip.truth.leaks)} leaks, {seen} observable")
+
+
+@main.command()
+@click.argument("clip", type=FOLDER)
+@click.option("--method", type=click.Choice(["paper"]), default="paper", show_default=True)
+@click.option("-o", "--output", "destination", type=FILE, help="Write result.json here.")
+@click.option(
+    "--k-sigma",
+    type=click.FloatRange(min=0.0),
+    default=2.0,
+    show_default=True,
+    help="Threshold: mean + k standard deviations of the column profile.",
+)
+@click.option(
+    "--g-win",
+    type=click.IntRange(min=0),
+    default=10,
+    show_default=True,
+    help="Non-maximum suppression, columns each way.",
+)
+@clear_errors
+def locate(clip: Path, method: str, destination: Path | None, k_sigma: float, g_win: int) -> None:
+    """Find the leaks of a clip; the truth, if the folder holds it, is not looked at."""
+    import leakloc
+
+    if has_manifest(clip):
+        verify_clip(clip)
+    footage = leakloc.read_clip(clip)
+    estimate = leakloc.locate(
+        footage.left, footage.right, footage.rig, method=method, options=leakloc.PaperOptions(k_sigma, g_win)
+    )
+    if destination is not None:
+        _write_result(estimate, destination)
+    _echo_estimate(estimate)
+
+
+@main.command()
+@click.argument("result", type=FILE)
+@click.argument("clip", type=FOLDER)
+@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
+@clear_errors
+def score(result: Path, clip: Path, *, as_json: bool) -> None:
+    """Compare a result with the truth of its clip."""
+    from scenarios import score as scoring
+
+    verify_clip(clip)
+    truth = read_truth(clip / "truth.json")
+    scored = scoring.score(scoring.world_positions(result), truth)
+    click.echo(json.dumps(scoring.as_json(scored), indent=1) if as_json else scoring.table(scored, truth))
+
+
+@main.command()
+@scenario_options
+@click.option("-n", "n_clips", type=click.IntRange(1, 100_000), required=True, help="How many clips.")
+@click.option(
+    "-o", "--output", "destination", type=FOLDER, required=True, help="Data set folder; a killed run goes on."
+)
+@click.option("--workers", "n_workers", type=click.IntRange(1, 256), default=2, show_default=True)
+@clear_errors
+def generate(  # noqa: PLR0913  one argument per option
+    scenario: str, overrides: tuple[str, ...], seed: int | None, n_clips: int, destination: Path, n_workers: int
+) -> None:
+    """Make a data set: many clips of one scenario with leaks at random places."""
+    from scenarios.generate import generate as generated
+    from scenarios.progress import progress
+
+    base = read_scenario(scenario, overrides, seed)
+    for _ in progress(generated(base, n_clips, destination, n_workers), "clips", n_clips):
+        pass
+    click.echo(f"{destination}: {n_clips} clips")
+
+
+@main.command()
+@click.argument("source", metavar="CLIP_OR_FOLDER", type=FOLDER)
+@click.option("-o", "--output", "destination", type=FOLDER, required=True, help="Folder to make.")
+@click.option("--dose-rate", type=click.FloatRange(0.0, 10_000.0), required=True, help="Gy/h; L, M, H = 1.7, 3.3, 10.")
+@click.option("--exposure", type=click.FloatRange(0.0, 100.0, min_open=True), help="s a frame; default: input.json.")
+@click.option("--energy", type=click.FloatRange(300.0, 1500.0), default=661.7, show_default=True, help="Photons, keV.")
+@click.option("--level", type=click.Choice(["tracks", "salt", "transport"]), default="tracks", show_default=True)
+@click.option("--electrons-per-grey", type=click.FloatRange(0.0, 1e4, min_open=True), default=33.0, show_default=True)
+@click.option("--pitch-um", type=click.FloatRange(0.5, 50.0), default=3.0, show_default=True, help="Of a pixel.")
+@click.option("--tone", type=click.Choice(["linear", "srgb"]), default="linear", show_default=True)
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
+@click.option("--force", is_flag=True, help="Replace what leakloc made there before.")
+@clear_errors
+def noise(source: Path, destination: Path, exposure: float | None, *, force: bool, **options: Any) -> None:
+    """Add gamma hits to frames: a clip folder, or any folder of images. Writes the truth of every hit beside them."""
+    from noise import GammaField, Sensor
+    from scenarios.irradiate import Exposure, irradiate, recorded_exposure_s
+
+    exposure_s = exposure or recorded_exposure_s(source)
+    if exposure_s is None:
+        raise click.UsageError("--exposure is needed: there is no input.json that states it")
+    field = GammaField(options["dose_rate"], options["energy"], level=options["level"])
+    sensor = Sensor(options["pitch_um"], electrons_per_grey=options["electrons_per_grey"], tone=options["tone"])
+    staged = (replacing if force else creating)(destination)
+    n_hits = irradiate(source, field, sensor, Exposure(exposure_s, options["seed"]), staged)
+    click.echo(f"{destination}: {n_hits} hits at {options['dose_rate']:g} Gy/h, {exposure_s:.4g} s a frame")
+
+
+@main.command()
+@click.option("-o", "--output", "destination", type=FOLDER, default=Path("demo"), show_default=True)
+@click.option("--seed", type=click.IntRange(min=0), help="Another scene of the same kind.")
+@click.option("--force", is_flag=True, help="Replace an earlier demo.")
+@clear_errors
+def demo(destination: Path, seed: int | None, *, force: bool) -> None:
+    """Simulate three leaks, find them, score them, and write a report to look at."""
+    from scenarios.demo import run_demo
+
+    click.echo(run_demo(destination, replacing if force else creating, seed))
+
+
+@main.command()
+@scenario_options
+@clear_errors
+def check(scenario: str, overrides: tuple[str, ...], seed: int | None) -> None:
+    """Read a scenario, report every mistake in it, or say what it holds."""
+    from scenarios.leaks import resolved
+
+    click.echo(_summary(resolved(read_scenario(scenario, overrides, seed)), scenario))
+
+
+@main.command()
+@click.argument("name", type=click.Choice(["scenario", "result", "truth"]))
+def schema(name: str) -> None:
+    """Print the JSON Schema of a file."""
+    from scenarios.schemas import schema as schema_of
+
+    click.echo(json.dumps(schema_of(name), indent=1))
+
+
+def _write_result(estimate: Any, destination: Path) -> None:
+    import leakloc
+
+    try:
+        leakloc.write_result(estimate, destination)
+    except OSError as error:
+        raise OutputError(f"{destination}: cannot be written: {error.strerror}") from None
+
+
+def _echo_estimate(estimate: Any) -> None:
+    click.echo(f"{len(estimate.leaks)} leaks found by {estimate.method} (x, y in m, {estimate.frame} frame)")
+    for leak in estimate.leaks:
+        click.echo(
+            f"  {leak.x_m:8.3f} {leak.y_m:8.3f}   columns {leak.left_column_px:7.2f} {leak.right_column_px:7.2f}"
+        )
+
+
+def _summary(scenario: Scenario, source: str) -> str:
+    rig, recording = scenario.rig, scenario.recording
+    rows = [
+        f"{source}: ok",
+        f"  rig        {rig.width_px} x {rig.height_px} px, {rig.hfov_deg:g} deg, baseline {rig.baseline_m:g} m",
+        f"  recording  {recording.n_frames} frames at {recording.fps:g} / s, exposure {recording.exposure_s:.4g} s",
+        f"  gamma      {scenario.gamma.dose_rate_gy_h:g} Gy/h",
+        f"  lamps      {len(scenario.lamp)}",
+        f"  leaks      {len(scenario.leak)} (seed {scenario.seed})",
+    ]
+    for leak in scenario.leak:
+        drops = f"{len(leak.drop_times_s or ())} drops of radius {1e3 * leak.drop_radius_m:g} mm"
+        rows.append(f"             {leak.x_m:6.3f} {leak.y_m:7.3f} m, {drops}")
+    return "\n".join(rows)

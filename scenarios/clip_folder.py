@@ -1,0 +1,160 @@
+"""Clip folders on disk: written whole and read back, checked against their manifest, copied without the truth."""
+
+import hashlib
+import json
+import platform
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager, contextmanager
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from leakloc import write_rig
+from scenarios.output_folder import OutputError, made_by, write_file, write_json
+from scenarios.scenario_toml import scenario_toml
+from scenarios.simulate import SimulatedClip
+from scenarios.truth import truth_json
+
+MANIFEST = "clip.json"
+ESTIMATORS_FILES = ("rig.yaml", "input.json")
+ESTIMATORS_FOLDERS = ("left", "right")
+MAX_MANIFEST_BYTES = 10_000_000
+PNG_FAST = (cv2.IMWRITE_PNG_COMPRESSION, 1)
+"""Noise does not compress: higher levels cost time and save 2 %."""
+
+
+class DamagedClipError(ValueError):
+    """A clip folder that is not what was written; the message names the frame or file."""
+
+
+def write_clip(
+    clip: SimulatedClip, destination: Path, new_folder: Callable[[Path], AbstractContextManager[Path]]
+) -> None:
+    """Write a clip folder: staged, read back and compared, then renamed into place.
+
+    `new_folder` is `output_folder.creating` or `output_folder.replacing`.
+    """
+    with new_folder(destination) as folder:
+        sums = _write_frames(clip.left, folder / "left") | _write_frames(clip.right, folder / "right")
+        write_rig(clip.believed_rig, folder / "rig.yaml")
+        recording = clip.scenario.recording
+        write_json(
+            folder / "input.json",
+            {
+                "fps": recording.fps,
+                "exposure_s": recording.exposure_s,
+                "n_frames": recording.n_frames,
+                "tone": clip.scenario.sensor.tone,
+            },
+        )
+        (folder / "truth.json").write_text(truth_json(clip.truth), encoding="utf-8")
+        (folder / "scenario.toml").write_text(scenario_toml(clip.scenario), encoding="utf-8")
+        for name in (*ESTIMATORS_FILES, "truth.json", "scenario.toml"):
+            sums[name] = _sha256(folder / name)
+        write_json(folder / MANIFEST, _manifest(clip, sums))
+        verify_clip(folder)
+
+
+def verify_clip(folder: Path) -> None:
+    """Check every file of a clip against the manifest's SHA-256; raises DamagedClipError naming the first bad one."""
+    sums = _read_manifest(folder)["files"]
+    with ThreadPoolExecutor(2) as threads:
+        for name, broken in zip(sums, threads.map(lambda item: _damage(folder, *item), sums.items()), strict=True):
+            if broken:
+                raise DamagedClipError(f"{folder / name}: damaged: {broken}")
+    for side in ESTIMATORS_FOLDERS:
+        extra = sorted({f"{side}/{path.name}" for path in (folder / side).iterdir()} - set(sums))
+        if extra:
+            raise DamagedClipError(f"{folder / extra[0]}: does not belong to the clip: it is not in {MANIFEST}")
+
+
+def has_manifest(folder: Path) -> bool:
+    """Whether a folder is a simulated clip with its manifest (an estimator's copy and real footage have none)."""
+    return (folder / MANIFEST).is_file()
+
+
+@contextmanager
+def estimators_copy(folder: Path) -> Iterator[Path]:
+    """Yield a temporary copy of a clip with what an estimator may see: images, believed rig, recording."""
+    with tempfile.TemporaryDirectory(prefix="clip-") as temporary:
+        copy = Path(temporary) / "clip"
+        copy.mkdir()
+        for side in ESTIMATORS_FOLDERS:
+            shutil.copytree(folder / side, copy / side, copy_function=shutil.copyfile)
+        for name in ESTIMATORS_FILES:
+            shutil.copyfile(folder / name, copy / name)
+        yield copy
+
+
+def _write_frames(frames: np.ndarray, folder: Path) -> dict[str, str]:
+    """Write PNG frames by two threads, read each back, and return their SHA-256 by name inside the clip."""
+    folder.mkdir()
+
+    def write(number: int) -> tuple[str, str]:
+        path = folder / f"{number:04d}.png"
+        write_file(path, encode_png(frames[number]))
+        back = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+        if back is None or not np.array_equal(back, frames[number]):
+            raise OutputError(f"{path}: reads back differently from what was written; is the disk full?")
+        return f"{folder.name}/{path.name}", _sha256(path)
+
+    with ThreadPoolExecutor(2) as threads:
+        return dict(threads.map(write, range(len(frames))))
+
+
+def encode_png(frame: np.ndarray) -> bytes:
+    """Return a grey image (height, width) as the bytes of a PNG."""
+    made, png = cv2.imencode(".png", frame, PNG_FAST)
+    if not made:
+        raise ValueError(f"encode_png: cannot encode an array of {frame.dtype} and shape {frame.shape}")
+    return png.tobytes()
+
+
+def _manifest(clip: SimulatedClip, sums: dict[str, str]) -> dict[str, Any]:
+    packages = ("leakloc", "numpy", "scipy", "opencv-python-headless", "trimesh", "embreex")
+    return {
+        "made_by": made_by(),
+        "name": clip.scenario.name,
+        "seed": clip.scenario.seed,
+        "scenario_sha256": sums["scenario.toml"],
+        "versions": {"python": platform.python_version(), **{name: version(name) for name in packages}},
+        "files": sums,
+    }
+
+
+def _read_manifest(folder: Path) -> dict[str, Any]:
+    path = folder / MANIFEST
+    try:
+        if path.stat().st_size > MAX_MANIFEST_BYTES:
+            raise DamagedClipError(f"{path}: must be at most {MAX_MANIFEST_BYTES} bytes")
+        manifest = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise DamagedClipError(f"{path}: cannot be read: {error.strerror}") from None
+    except (ValueError, RecursionError) as error:
+        raise DamagedClipError(f"{path}: not valid JSON: {error}") from None
+    files = manifest.get("files") if isinstance(manifest, dict) else None
+    if not isinstance(files, dict) or not all(isinstance(value, str) for value in files.values()):
+        raise DamagedClipError(f"{path}: files must be a table of SHA-256 by file name")
+    for name in files:
+        parts = Path(name).parts
+        if Path(name).is_absolute() or ".." in parts or len(parts) > 2:
+            raise DamagedClipError(f"{path}: files: {name!r} must be a name inside the clip")
+    return manifest
+
+
+def _damage(folder: Path, name: str, expected: str) -> str | None:
+    path = folder / name
+    if path.is_symlink() or not path.is_file():
+        return "missing"
+    return None if _sha256(path) == expected else f"its SHA-256 differs from {MANIFEST}"
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()

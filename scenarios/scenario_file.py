@@ -1,0 +1,226 @@
+"""Read scenario files: TOML in, a frozen scenario or *all* of its mistakes out, each with file, key, value and rule."""
+
+import difflib
+import tomllib
+from collections.abc import Iterator, Sequence
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from scenarios.rules import violations
+from scenarios.scenario import Scenario
+
+MAX_FILE_BYTES = 1_000_000
+SHOWN_VALUE_CHARS = 60
+
+TYPE_RULES = {
+    "float_type": "must be a number",
+    "int_type": "must be a whole number",
+    "int_from_float": "must be a whole number",
+    "finite_number": "must be finite",
+    "string_type": "must be a text in quotes",
+    "tuple_type": "must be a list",
+    "model_type": "must be a table",
+    "model_attributes_type": "must be a table",
+    "dict_type": "must be a table",
+    "missing": "is required",
+}
+
+
+class ScenarioError(ValueError):
+    """A scenario that cannot be used; the message has one line a mistake."""
+
+
+def library_names() -> list[str]:
+    """Names of the shipped scenarios."""
+    return sorted(entry.name[:-5] for entry in _library().iterdir() if entry.name.endswith(".toml"))
+
+
+def read_scenario(path_or_name: str | Path, overrides: Sequence[str] = (), seed: int | None = None) -> Scenario:
+    """Read a scenario file, or a shipped scenario by its name, with `key.path=value` overrides.
+
+    A path wins over a name of the library only when such a file exists. Raises ScenarioError with all mistakes.
+    """
+    source, text = _text_of(path_or_name)
+    data = parse_toml(text, source)
+    for override in overrides:
+        _apply(override, data)
+    if seed is not None:
+        data["seed"] = seed
+    return validated(data, source)
+
+
+def parse_toml(text: str, source: str) -> dict[str, Any]:
+    """Parse TOML; a syntax error names the source, line and column."""
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ScenarioError(f"{source}: not valid TOML: {error}") from None
+    except RecursionError:
+        raise ScenarioError(f"{source}: not valid TOML: nested too deeply") from None
+
+
+def validated(data: dict[str, Any], source: str) -> Scenario:
+    """Turn parsed data into a scenario, or raise ScenarioError with every broken rule."""
+    lines: list[str] = []
+    bad_keys: set[str] = set()
+    scenario: Scenario | None
+    try:
+        scenario = Scenario.model_validate(data)
+    except ValidationError as error:
+        details = error.errors(include_url=False)
+        lines = [_line(source, detail) for detail in details]
+        bad_keys = {_dotted(detail["loc"]) for detail in details}
+        scenario = _without(data, details)
+    if scenario is not None:
+        lines += [
+            f"{source}: {broken.key}: {broken.rule}, got {_shown(broken.value)}"
+            for broken in violations(scenario)
+            if not _touches(broken.reads, bad_keys)
+        ]
+    if lines:
+        raise ScenarioError("\n".join(lines))
+    assert scenario is not None
+    return scenario
+
+
+def _library() -> Any:
+    return files("scenarios") / "library"
+
+
+def _text_of(path_or_name: str | Path) -> tuple[str, str]:
+    path = Path(path_or_name)
+    name = str(path_or_name)
+    if not path.exists():
+        if name in library_names():
+            return f"{name} (shipped)", (_library() / f"{name}.toml").read_text(encoding="utf-8")
+        close = difflib.get_close_matches(name, library_names(), n=1)
+        hint = f'; did you mean "{close[0]}"?' if close else f"; shipped scenarios: {', '.join(library_names())}"
+        raise ScenarioError(f"{name}: no such file or shipped scenario{hint}")
+    if not path.is_file():
+        if path.is_dir() and name in library_names():
+            return f"{name} (shipped)", (_library() / f"{name}.toml").read_text(encoding="utf-8")
+        raise ScenarioError(f"{name}: must be a regular file")
+    if path.stat().st_size > MAX_FILE_BYTES:
+        raise ScenarioError(f"{name}: must be at most {MAX_FILE_BYTES} bytes, got {path.stat().st_size}")
+    try:
+        return name, path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise ScenarioError(f"{name}: must be UTF-8 text: byte {error.start} is not") from None
+    except OSError as error:
+        raise ScenarioError(f"{name}: cannot be read: {error.strerror}") from None
+
+
+def _apply(override: str, data: dict[str, Any]) -> None:
+    """Set one `a.b.0.c=value` in parsed data; the value is TOML, or else a plain text."""
+    key, equals, text = override.partition("=")
+    parts = key.strip().split(".")
+    if not equals or not all(parts):
+        raise ScenarioError(f"--set {override}: must have the form key.path=value")
+    try:
+        value = tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        value = text.strip()
+    here: Any = data
+    for i, part in enumerate(parts[:-1]):
+        here = here.setdefault(part, {}) if isinstance(here, dict) else _item(here, part, f"--set {override}")
+        if not isinstance(here, dict | list):
+            raise ScenarioError(f"--set {override}: {'.'.join(parts[: i + 1])} must be a table to have keys in it")
+    if isinstance(here, dict):
+        here[parts[-1]] = value
+    else:
+        here[_index(here, parts[-1], f"--set {override}")] = value
+
+
+def _item(rows: list[Any], part: str, who: str) -> Any:
+    return rows[_index(rows, part, who)]
+
+
+def _index(rows: list[Any], part: str, who: str) -> int:
+    if not (part.isdecimal() and int(part) < len(rows)):
+        raise ScenarioError(f"{who}: {part!r} must be an index below {len(rows)}")
+    return int(part)
+
+
+def _line(source: str, detail: Any) -> str:
+    key, kind, value = _dotted(detail["loc"]), detail["type"], detail["input"]
+    if kind == "missing":
+        return f"{source}: {key} is required"
+    if kind == "extra_forbidden":
+        close = difflib.get_close_matches(str(detail["loc"][-1]), _known_keys(detail["loc"][:-1]), n=1, cutoff=0.5)
+        hint = f'; did you mean "{close[0]}"?' if close else ""
+        return f"{source}: {key} is not a known key{hint} (value {_shown(value)})"
+    return f"{source}: {key} {_rule(kind, detail)}, got {_shown(value)}"
+
+
+def _rule(kind: str, detail: Any) -> str:
+    context = detail.get("ctx", {})
+    for bound, sign in (("gt", ">"), ("ge", ">="), ("lt", "<"), ("le", "<=")):
+        if bound in context:
+            return f"must be {sign} {context[bound]:g}"
+    if kind == "literal_error":
+        return f"must be {context['expected']}"
+    if kind in ("too_long", "string_too_long"):
+        return f"must have at most {context['max_length']} entries"
+    return TYPE_RULES.get(kind, f"is refused ({detail['msg']})")
+
+
+def _known_keys(location: Sequence[int | str]) -> list[str]:
+    """Keys of the table at a location of the scenario's models."""
+    model: type[BaseModel] = Scenario
+    for part in location:
+        if isinstance(part, int):
+            continue
+        inner = list(_models_in(model.model_fields[part].annotation)) if part in model.model_fields else []
+        if not inner:
+            return []
+        model = inner[0]
+    return list(model.model_fields)
+
+
+def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for part in getattr(annotation, "__args__", ()):
+        yield from _models_in(part)
+
+
+def _without(data: dict[str, Any], details: Sequence[Any]) -> Scenario | None:
+    """Return the scenario with its bad keys left out, so that rules between the good ones can be checked too."""
+    good = _copied(data)
+    for detail in details:
+        here: Any = good
+        try:
+            for part in detail["loc"][:-1]:
+                here = here[part]
+            if isinstance(here, dict):
+                here.pop(detail["loc"][-1], None)
+        except (KeyError, IndexError, TypeError):
+            continue
+    try:
+        return Scenario.model_validate(good)
+    except ValidationError:
+        return None
+
+
+def _copied(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _copied(item) for key, item in value.items()}
+    return [_copied(item) for item in value] if isinstance(value, list) else value
+
+
+def _touches(reads: Sequence[str], bad_keys: set[str]) -> bool:
+    return any(
+        key == bad or key.startswith(f"{bad}.") or bad.startswith(f"{key}.") for key in reads for bad in bad_keys
+    )
+
+
+def _dotted(location: Sequence[int | str]) -> str:
+    return ".".join(str(part) for part in location)
+
+
+def _shown(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= SHOWN_VALUE_CHARS else f"{text[: SHOWN_VALUE_CHARS - 3]}..."

@@ -1,0 +1,19 @@
+"""JSON Schemas of the files that the tool reads and writes."""
+
+from typing import Any
+
+from pydantic import BaseModel
+
+from leakloc import result_schema
+from scenarios.scenario import Scenario
+from scenarios.truth import Truth
+
+NAMES = ("scenario", "result", "truth")
+
+
+def schema(name: str) -> dict[str, Any]:
+    """Return the JSON Schema of scenario.toml, result.json or truth.json."""
+    if name == "result":
+        return result_schema()
+    model: type[BaseModel] = {"scenario": Scenario, "truth": Truth}[name]
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **model.model_json_schema()}

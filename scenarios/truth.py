@@ -1,0 +1,91 @@
+"""What is true of a clip: where the leaks are, how they are seen, and whether an estimator could have found them."""
+
+import json
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+MAX_TRUTH_BYTES = 50_000_000
+
+
+class TruthError(ValueError):
+    """A truth file that cannot be used; the message names file, key and rule."""
+
+
+class Model(BaseModel):
+    """Frozen; undefined is null."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class ShadowColumns(Model):
+    """Column of a leak's shadow, one per lamp, in each raw image; null where the shadow is not in view."""
+
+    left: tuple[float | None, ...]
+    right: tuple[float | None, ...]
+
+
+class LeakTruth(Model):
+    """One leak. Columns are where its line crosses row (H-1)/2 of the raw image."""
+
+    id: int
+    x_m: float
+    y_m: float
+    z_m: float
+    left_column_px: float | None
+    right_column_px: float | None
+    shadow_columns_px: ShadowColumns
+    in_view: bool = Field(description="at least 3 px inside both images at mid-row")
+    visible_fraction: float = Field(description="of the rows, in the worse of the two views")
+    observable: bool
+    reason: str | None = Field(description="why the leak is not observable; null when it is")
+    column_snr: float | None = Field(description="noise-free column aggregate over its standard deviation, worse view")
+
+
+class TrueCamera(Model):
+    """One camera as it truly stands (camera axes: x right, y down, z forward)."""
+
+    width_px: int
+    height_px: int
+    camera_matrix: tuple[tuple[float, ...], ...]
+    distortion: tuple[float, ...]
+    world_from_camera: tuple[tuple[float, ...], ...]
+
+
+class TrueRig(Model):
+    """The rig that the clip was rendered with."""
+
+    left: TrueCamera
+    right: TrueCamera
+    baseline_m: float
+    pedestal_radius_m: float
+
+
+class Truth(Model):
+    """Content of truth.json."""
+
+    leaks: tuple[LeakTruth, ...]
+    rig: TrueRig
+
+
+def truth_json(truth: Truth) -> str:
+    """Content of truth.json."""
+    return json.dumps(truth.model_dump(mode="json"), indent=1, allow_nan=False) + "\n"
+
+
+def read_truth(path: Path) -> Truth:
+    """Read truth.json; raises TruthError with file, key and rule."""
+    try:
+        if path.stat().st_size > MAX_TRUTH_BYTES:
+            raise TruthError(f"{path}: must be at most {MAX_TRUTH_BYTES} bytes")
+        return Truth.model_validate_json(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise TruthError(f"{path}: cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise TruthError(f"{path}: must be UTF-8 text") from None
+    except ValidationError as error:
+        lines = [
+            f"{path}: {'.'.join(map(str, detail['loc'])) or 'content'}: {detail['msg']}"
+            for detail in error.errors(include_url=False)
+        ]
+        raise TruthError("\n".join(lines)) from None

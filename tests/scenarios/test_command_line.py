@@ -1,0 +1,199 @@
+"""The command line: help for each command, one clear error and exit code 2 for bad input, files by the contract."""
+
+import json
+import shutil
+import subprocess
+import sys
+
+import cv2
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from scenarios.cli import main
+
+SMALL = ["--set", "rig.width_px=240", "--set", "rig.height_px=136", "--set", "recording.n_frames=6"]
+
+
+def run(*arguments):
+    return CliRunner().invoke(main, [str(a) for a in arguments], prog_name="leakloc")
+
+
+def assert_refused(result, *words):
+    assert result.exit_code == 2, result.output
+    assert "Traceback" not in result.output
+    for word in words:
+        assert word in result.output
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("cli") / "clip"
+    result = run("simulate", "separated", "-o", folder, *SMALL)
+    assert result.exit_code == 0, result.output
+    return folder
+
+
+@pytest.fixture
+def own_clip(clip, tmp_path):
+    return shutil.copytree(clip, tmp_path / "clip")
+
+
+@pytest.mark.parametrize("command", sorted(main.commands))
+def test_every_command_has_help(command):
+    result = run(command, "--help")
+    assert result.exit_code == 0
+    assert main.commands[command].help.splitlines()[0] in result.output
+
+
+def test_the_module_is_the_program():
+    done = subprocess.run([sys.executable, "-m", "scenarios", "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("leakloc, version ")
+
+
+def test_a_clip_folder_holds_the_files_of_the_contract(clip):
+    names = {str(path.relative_to(clip)) for path in clip.rglob("*") if path.is_file()}
+    frames = {f"{side}/{n:04d}.png" for side in ("left", "right") for n in range(6)}
+    assert names == frames | {"rig.yaml", "input.json", "clip.json", "truth.json", "scenario.toml"}
+    assert json.loads((clip / "input.json").read_text())["n_frames"] == 6
+    assert cv2.imread(str(clip / "left" / "0000.png"), cv2.IMREAD_UNCHANGED).shape == (136, 240)
+
+
+def test_simulate_locate_and_score_join_up(clip, tmp_path):
+    located = run("locate", clip, "-o", tmp_path / "result.json")
+    assert located.exit_code == 0, located.output
+    scored = run("score", tmp_path / "result.json", clip, "--json")
+    assert scored.exit_code == 0, scored.output
+    assert set(json.loads(scored.output)) == {"gated", "paper_rule"}
+    assert "in view" in run("score", tmp_path / "result.json", clip).output
+
+
+def test_the_resolved_scenario_of_a_clip_makes_the_same_clip_again(clip, tmp_path):
+    again = tmp_path / "again"
+    assert run("simulate", clip / "scenario.toml", "-o", again).exit_code == 0
+    sums = [json.loads((folder / "clip.json").read_text())["files"] for folder in (clip, again)]
+    assert sums[0] == sums[1]
+
+
+def test_another_seed_is_another_scene_and_other_noise(clip, tmp_path):
+    other = tmp_path / "other"
+    assert run("simulate", "separated", "-o", other, *SMALL, "--seed", "77").exit_code == 0
+    places = [
+        {(leak["x_m"], leak["y_m"]) for leak in json.loads((f / "truth.json").read_text())["leaks"]}
+        for f in (clip, other)
+    ]
+    assert not places[0] & places[1]
+
+
+def test_a_clip_is_not_overwritten_without_force(own_clip):
+    before = (own_clip / "clip.json").read_bytes()
+    assert_refused(run("simulate", "separated", "-o", own_clip, *SMALL, "--seed", "5"), "already exists", "--force")
+    assert (own_clip / "clip.json").read_bytes() == before
+    assert run("simulate", "separated", "-o", own_clip, *SMALL, "--seed", "5", "--force").exit_code == 0
+    assert json.loads((own_clip / "clip.json").read_text())["seed"] == 5
+
+
+def test_a_bad_scenario_writes_nothing(tmp_path):
+    bad = tmp_path / "bad.toml"
+    bad.write_text("[rig]\nbaseline_m = -1\nwidth = 3\n")
+    result = run("simulate", bad, "-o", tmp_path / "out")
+    assert_refused(result, "rig.baseline_m must be > 0, got -1", "rig.width is not a known key")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["bad.toml"]
+    assert_refused(run("check", bad), str(bad))
+
+
+def damage_frame(folder):
+    path = folder / "left" / "0003.png"
+    raw = bytearray(path.read_bytes())
+    raw[len(raw) // 2] ^= 1
+    path.write_bytes(raw)
+    return "left/0003.png"
+
+
+def drop_frame(folder):
+    (folder / "right" / "0005.png").unlink()
+    return "right/0005.png"
+
+
+def repaint_frame(folder):
+    cv2.imwrite(str(folder / "right" / "0001.png"), np.zeros((136, 240), np.uint8))
+    return "right/0001.png"
+
+
+def add_frame(folder):
+    shutil.copy(folder / "left" / "0000.png", folder / "left" / "0006.png")
+    return "left/0006.png"
+
+
+def change_truth(folder):
+    (folder / "truth.json").write_text("{}")
+    return "truth.json"
+
+
+def cut_manifest(folder):
+    path = folder / "clip.json"
+    path.write_text(path.read_text()[:100])
+    return "clip.json"
+
+
+@pytest.mark.parametrize("harm", [damage_frame, drop_frame, repaint_frame, add_frame, change_truth, cut_manifest])
+def test_a_damaged_clip_is_refused_by_the_name_of_the_file(own_clip, tmp_path, harm):
+    named = harm(own_clip)
+    assert_refused(run("locate", own_clip, "-o", tmp_path / "result.json"), named)
+    assert not (tmp_path / "result.json").exists()
+    assert_refused(run("score", tmp_path / "none.json", own_clip), named)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [("", "result.json"), ("[]", "result.json"), ('{"leaks": 3}', "result.json"), ("nul\x00", "result.json")],
+)
+def test_a_bad_result_is_refused(clip, tmp_path, content, words):
+    (tmp_path / "result.json").write_text(content)
+    assert_refused(run("score", tmp_path / "result.json", clip), words)
+
+
+def test_a_result_in_another_frame_is_not_scored(clip, tmp_path):
+    located = tmp_path / "result.json"
+    run("locate", clip, "-o", located)
+    content = json.loads(located.read_text())
+    located.write_text(json.dumps({**content, "frame": "left camera"}))
+    assert_refused(run("score", located, clip), "frame must be 'world'")
+
+
+@pytest.mark.parametrize("name", ["scenario", "result", "truth"])
+def test_schemas_are_printed_as_json(name):
+    assert "properties" in json.loads(run("schema", name).output)
+
+
+def test_check_says_what_a_scenario_holds():
+    result = run("check", "separated", "--set", "layout.n_leaks=2")
+    assert result.exit_code == 0
+    assert "leaks      2" in result.output
+
+
+def test_a_data_set_is_the_same_whatever_the_number_of_workers_and_goes_on_after_a_stop(tmp_path):
+    for workers, n_clips in ((1, 3), (2, 3)):
+        result = run(
+            "generate", "separated", "-n", n_clips, "-o", tmp_path / f"w{workers}", "--workers", workers, *SMALL
+        )
+        assert result.exit_code == 0, result.output
+    sums = [contents(tmp_path / f"w{workers}") for workers in (1, 2)]
+    assert sums[0] == sums[1]
+    damage_frame(tmp_path / "w1" / "clip_00001")
+    shutil.rmtree(tmp_path / "w1" / "clip_00002")
+    untouched = (tmp_path / "w1" / "clip_00000" / "clip.json").stat().st_mtime_ns
+    assert run("generate", "separated", "-n", 3, "-o", tmp_path / "w1", "--workers", 1, *SMALL).exit_code == 0
+    assert contents(tmp_path / "w1") == sums[1]
+    assert (tmp_path / "w1" / "clip_00000" / "clip.json").stat().st_mtime_ns == untouched
+
+
+def contents(folder):
+    return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+
+
+def test_a_data_set_does_not_mix_with_another(tmp_path):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "notes.txt").write_text("precious")
+    assert_refused(run("generate", "separated", "-n", 1, "-o", tmp_path / "mine", *SMALL), "is not empty")
+    assert sorted(p.name for p in (tmp_path / "mine").iterdir()) == ["notes.txt"]
