@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from noise.arrays import Array
-from noise.beam import beam_crossing, isotropic_crossing
+from noise.beam import Direction, crossing
 from noise.gamma import CS137_KEV
 from noise.silicon import FANO_FACTOR, PAIR_ENERGY_KEV
 from noise.streams import Stream, rng_for
@@ -48,7 +48,7 @@ class BankKey:
 
     photon_energy_kev: float = CS137_KEV
     thickness_um: float = 5.0
-    direction: tuple[float, float, float] | None = None
+    direction: Direction | None = None
     n_tracks: int = 16384
 
 
@@ -88,14 +88,10 @@ def make_batch(key: BankKey, batch: int) -> TrackBank:
     """One batch of tracks, with draws of its own."""
     rng = rng_for(BANK_SEED, Stream.BANK, 0, batch)
     n = min(BATCH, key.n_tracks - batch * BATCH)
-    if key.direction is None:
-        kinetic_kev, heading = isotropic_crossing(key.photon_energy_kev, n, rng=rng)
-    else:
-        kinetic_kev, heading = beam_crossing(key.photon_energy_kev, key.direction, n, rng=rng)
+    kinetic_kev, heading = crossing(key.photon_energy_kev, key.direction, n, rng=rng)
     deposits = transport(kinetic_kev, heading, key.thickness_um, rng=rng)
     track, cell_x, cell_y, energy_kev = in_cells(deposits.track, deposits.x_um, deposits.y_um, deposits.energy_kev)
-    electrons = energy_kev / PAIR_ENERGY_KEV
-    charge_e = np.clip(electrons + np.sqrt(FANO_FACTOR * electrons) * rng.standard_normal(len(electrons)), 0, None)
+    charge_e = electrons_of(energy_kev, rng=rng)
     return TrackBank(
         key=key,
         track=track,
@@ -106,6 +102,12 @@ def make_batch(key: BankKey, batch: int) -> TrackBank:
         azimuth_rad=np.arctan2(heading[:, 1], heading[:, 0]),
         deposit_kev=deposits.per_track_kev(n),
     )
+
+
+def electrons_of(energy_kev: Array, *, rng: np.random.Generator) -> Array:
+    """Electrons that deposits free: 3.65 eV each, with Fano's fluctuation."""
+    mean_e = energy_kev / PAIR_ENERGY_KEV
+    return np.clip(mean_e + np.sqrt(FANO_FACTOR * mean_e) * rng.standard_normal(len(mean_e)), 0, None)
 
 
 def in_cells(

@@ -34,6 +34,15 @@ def mean_crossing_cosine(photon_kev: float, direction: Direction | None) -> floa
     return float(np.mean(np.abs(heading[:, 2])))
 
 
+def crossing(
+    photon_kev: float, direction: Direction | None, n: int, *, rng: np.random.Generator
+) -> tuple[Array, Array]:
+    """Energies (n,) and headings (n, 3; z > 0 into the sensor) of n electrons that enter it, in a fair order."""
+    if direction is None:
+        return isotropic_crossing(photon_kev, n, rng=rng)
+    return beam_crossing(photon_kev, direction, n, rng=rng)
+
+
 def isotropic_crossing(photon_kev: float, n: int, *, rng: np.random.Generator) -> tuple[Array, Array]:
     """Energies (n,) and headings (n, 3) of electrons that enter a plane of an isotropic field: cos = sqrt(uniform).
 

@@ -4,23 +4,18 @@ from __future__ import annotations
 
 import os
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from noise.arrays import Array, Frames
-from noise.bank import BankKey
 from noise.codec import shown_frame, through_jpeg
 from noise.exposure import Key, electrons_table, expose
-from noise.footprints import Footprints, footprints_for
-from noise.gamma import GammaField, expected_tracks
+from noise.gamma import GammaField
 from noise.hits import GammaHits, joined_hits, no_hits
+from noise.irradiation import FrameHits, Irradiation, in_clip
 from noise.sensor import Sensor
-from noise.streams import Stream, camera_key
-from noise.tracks import draw_border_stamps, draw_stamps, hit_table, stamp_charge
-
-N_SYMMETRIES = 8
-"""Of the pixel grid: four turns, each mirrored or not. All are equally likely in an isotropic field."""
+from noise.streams import camera_key
 
 
 @dataclass(frozen=True)
@@ -33,7 +28,24 @@ class NoisyClip:
     frames: Frames
     hits: GammaHits
     border_hits: GammaHits
-    exposure_s: float
+    irradiation: Irradiation
+    seed: int
+    camera: int
+
+    @property
+    def exposure_s(self) -> float:
+        """Exposure of a frame, s."""
+        return self.irradiation.exposure_s
+
+    def hit_charge_e(self, frame: int) -> Array:
+        """Electrons of the hits in each pixel of a frame (height, width), drawn again from the key."""
+        key = shown(self.irradiation.sensor, Key(self.seed, self.camera, frame))
+        charge_e = self.irradiation.draw(key).charge_e
+        return np.zeros(self.irradiation.shape, dtype=np.float32) if charge_e is None else charge_e
+
+    def hit_mask(self, frame: int, at_least_e: float = 1.0) -> np.ndarray:
+        """Pixels of a frame (height, width) that hits gave at least so many electrons."""
+        return self.hit_charge_e(frame) >= at_least_e
 
 
 def add_noise(  # noqa: PLR0913 - frames, physics and the key of the draws: the package's one call
@@ -52,47 +64,46 @@ def add_noise(  # noqa: PLR0913 - frames, physics and the key of the draws: the 
     Frames are float32 expected photo-electrons, or uint8 (uint16 for more bits) grey on the sensor's own scale. Every
     draw is keyed by (seed, purpose, camera, frame): a frame is the same in any clip, order and number of `workers`
     (threads; None: one per core). Frame n is at n / fps (None: 1 / exposure_s), for a dose rate that depends on time.
-    ValueError for frames of another shape or type, or an exposure that is not > 0.
+    ValueError for frames of another shape or type, negative or undefined electrons, or a time that is not > 0.
     """
     frames = checked_frames(frames, sensor)
-    if not 0 < exposure_s < np.inf:
-        raise ValueError(f"add_noise: exposure_s must be > 0 and finite, got {exposure_s}")
-    source = Recipe(field, sensor, exposure_s, seed, camera_key(camera), fps or 1 / exposure_s, frames)
+    check_times(exposure_s, fps)
+    shape = (frames.shape[1], frames.shape[2])
+    irradiation = Irradiation(field, sensor, shape, exposure_s, fps or 1 / exposure_s)
     out = np.empty(frames.shape, dtype=np.uint8 if sensor.bits == 8 else np.uint16)
 
-    def do(n: int) -> tuple[GammaHits, GammaHits]:
-        out[n], hits, border = noisy_frame(source, n)
-        return hits, border
+    def do(n: int) -> FrameHits:
+        key = Key(seed, camera_key(camera), n)
+        out[n], hits = noisy_frame(frames, irradiation, key)
+        return replace(hits, charge_e=None)
 
-    source.prepare()
+    irradiation.prepare()
     with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
-        tables = list(pool.map(do, range(len(frames))))
-    hits = joined_hits([table[0] for table in tables] or [no_hits()])
-    border = joined_hits([table[1] for table in tables] or [no_hits()])
-    return NoisyClip(out, hits, border, exposure_s)
+        done = list(pool.map(do, range(len(frames))))
+    hits = joined_hits([no_hits(), *(frame.hits for frame in done)])
+    border = joined_hits([no_hits(), *(frame.border_hits for frame in done)])
+    return NoisyClip(out, hits, border, irradiation, seed, camera_key(camera))
 
 
-@dataclass(frozen=True)
-class Recipe:
-    """All that the frames of a clip depend on."""
+def noisy_frame(frames: Array | Frames, irradiation: Irradiation, key: Key) -> tuple[Frames, FrameHits]:
+    """One frame of a clip, and its hits."""
+    sensor = irradiation.sensor
+    source = shown(sensor, key)
+    hits = irradiation.draw(source)
+    mean_e = frames[source.frame]
+    if mean_e.dtype != np.float32:
+        mean_e = electrons_table(sensor)[mean_e]
+    grey = expose(mean_e, hits.charge_e, sensor, irradiation.exposure_s, source)
+    if sensor.jpeg_quality is not None:
+        grey = through_jpeg(grey, sensor.jpeg_quality)
+    if source.frame != key.frame:
+        hits = FrameHits(hits.charge_e, in_clip(hits.hits, key.frame), in_clip(hits.border_hits, key.frame))
+    return grey, hits
 
-    field: GammaField
-    sensor: Sensor
-    exposure_s: float
-    seed: int
-    camera: int
-    fps: float
-    frames: Array | Frames
 
-    def prepare(self) -> Footprints:
-        """The footprints of field and sensor: made once, before the threads start."""
-        key = BankKey(self.field.photon_energy_kev, self.sensor.thickness_um, self.field.direction)
-        return footprints_for(key, self.sensor.pitch_um, self.sensor.charge_diffusion_um)
-
-    def mean_e(self, n: int) -> Array:
-        """Expected photo-electrons of a frame."""
-        frame = self.frames[n]
-        return frame if frame.dtype == np.float32 else electrons_table(self.sensor)[frame]
+def shown(sensor: Sensor, key: Key) -> Key:
+    """Key of the frame that is shown: an earlier one where the camera repeats itself."""
+    return replace(key, frame=shown_frame(key, sensor.duplicate_share)) if sensor.duplicate_share > 0 else key
 
 
 def checked_frames(frames: Array | Frames, sensor: Sensor) -> Array | Frames:
@@ -102,38 +113,18 @@ def checked_frames(frames: Array | Frames, sensor: Sensor) -> Array | Frames:
         raise ValueError(f"add_noise: frames must be (n, height, width), got shape {frames.shape}")
     if frames.dtype == np.float64:
         frames = frames.astype(np.float32)
-    allowed = (np.float32, np.uint8 if sensor.bits == 8 else np.uint16)
-    if frames.dtype not in allowed:
-        raise ValueError(f"add_noise: frames must be {' or '.join(a.__name__ for a in allowed)}, got {frames.dtype}")
+    grey = np.dtype(np.uint8 if sensor.bits == 8 else np.uint16)
+    if frames.dtype not in (np.dtype(np.float32), grey):
+        raise ValueError(f"add_noise: frames must be float32 electrons or {grey} grey, got {frames.dtype}")
+    if frames.dtype != grey and frames.size and not (frames.min() >= 0 and np.isfinite(frames.max())):
+        raise ValueError(f"add_noise: electrons must be >= 0 and finite, got {frames.min()} to {frames.max()}")
+    if frames.dtype == np.uint16 and frames.size and frames.max() > sensor.white_level:
+        raise ValueError(f"add_noise: grey must be at most {sensor.white_level}, got {frames.max()}")
     return frames
 
 
-def noisy_frame(source: Recipe, n: int) -> tuple[Frames, GammaHits, GammaHits]:
-    """Frame n of a clip, and its tracks in the image and around it."""
-    key = Key(source.seed, source.camera, n)
-    shown = Key(source.seed, source.camera, shown_frame(key, source.sensor.duplicate_share))
-    charge_e, hits, border = gamma_charge(source, shown, n)
-    grey = expose(source.mean_e(shown.frame), charge_e, source.sensor, source.exposure_s, shown)
-    if source.sensor.jpeg_quality is not None:
-        grey = through_jpeg(grey, source.sensor.jpeg_quality)
-    return grey, hits, border
-
-
-def gamma_charge(source: Recipe, key: Key, frame: int) -> tuple[Array | None, GammaHits, GammaHits]:
-    """Electrons of the tracks of one exposure (None without dose), and their truth."""
-    shape = (source.frames.shape[1], source.frames.shape[2])
-    n_symmetries = N_SYMMETRIES if source.field.direction is None else 1
-    prints = source.prepare()
-    mean = expected_tracks(
-        source.field, source.sensor.pitch_um, shape, exposure_s=source.exposure_s, t_s=key.frame / source.fps
-    )
-    if mean == 0:
-        return None, no_hits(), no_hits()
-    charge_e = np.zeros(shape, dtype=np.float32)
-    stamps = draw_stamps(mean, shape, prints.n_tracks, n_symmetries, rng=key.rng(Stream.HIT_PLACE))
-    per_pixel = mean / (shape[0] * shape[1])
-    around = draw_border_stamps(per_pixel, shape, prints, n_symmetries, rng=key.rng(Stream.BORDER))
-    stamp_charge(charge_e, stamps, prints)
-    stamp_charge(charge_e, around, prints)
-    pitch_um = source.sensor.pitch_um
-    return charge_e, hit_table(stamps, prints, frame, pitch_um), hit_table(around, prints, frame, pitch_um)
+def check_times(exposure_s: float, fps: float | None) -> None:
+    """ValueError for an exposure or a frame rate that is not > 0 and finite."""
+    for name, value in (("exposure_s", exposure_s), ("fps", fps)):
+        if value is not None and not 0 < value < np.inf:
+            raise ValueError(f"add_noise: {name} must be > 0 and finite, got {value}")

@@ -15,24 +15,29 @@ from noise.bank import CELL_UM, BankKey, TrackBank, bank_for
 PHASES = 4
 """Sub-pixel offsets per axis: an entry is placed to an eighth of a pixel, well under the diffusion."""
 
-SMALLEST_E = 0.5
+SMALLEST_E = 1.0
 """Less charge in a pixel than this is dropped from a footprint, and the rest is scaled to keep the sum."""
 
 DIFFUSION_REACH = 3.0  # standard deviations of the diffusion that a footprint includes
 PATCH_SIDES_PX = (10, 12, 14, 16, 20, 24, 32, 48, 64, 128)
 
 
+PIXEL = np.dtype([("dx_px", np.int16), ("dy_px", np.int16), ("charge_e", np.float32)])
+"""One pixel of a footprint: 8 bytes together, because fetching them is what stamping costs."""
+
+MOST_FINE_CELLS = 2**24
+"""Cells of patches that are filtered at a time (64 MB)."""
+
+
 @dataclass(frozen=True)
 class Footprints:
-    """Pixels (`dx_px`, `dy_px` from the entry's pixel, `charge_e`) of every track at every phase, in one long row.
+    """Pixels of every track at every phase, in one long row of PIXEL records (offset from the entry's pixel, charge).
 
     Footprint of track i at phase (row a, column b) is the slice that starts at `start[(i * PHASES + a) * PHASES + b]`
     with `count` entries. `reach_px` (n_tracks,) is the largest offset of each track, `track_charge_e` its sum.
     """
 
-    dx_px: np.ndarray
-    dy_px: np.ndarray
-    charge_e: Array
+    pixels: np.ndarray
     start: np.ndarray
     count: np.ndarray
     reach_px: np.ndarray
@@ -62,8 +67,10 @@ def footprints_for(key: BankKey, pitch_um: float, diffusion_um: float) -> Footpr
     for low, high in zip((0, *PATCH_SIDES_PX), (*PATCH_SIDES_PX, 1 << 30), strict=True):
         members = np.flatnonzero((side_px > low) & (side_px <= high))
         if len(members):
-            patch = min(high, int(side_px.max()))
-            pieces.append(class_footprints(bank, members, (fine_x, fine_y), patch, kernel))
+            patch = int(side_px[members].max())
+            n_parts = -(-len(members) * (patch * PHASES) ** 2 // MOST_FINE_CELLS)
+            for part in np.array_split(members, n_parts):
+                pieces.append(class_footprints(bank, part, (fine_x, fine_y), patch, kernel))
     return sorted_footprints(bank, pieces)
 
 
@@ -115,14 +122,14 @@ def sorted_footprints(bank: TrackBank, pieces: list[tuple[np.ndarray, ...]]) -> 
     n_labels = n_tracks * PHASES**2
     total = np.bincount(label, charge, minlength=n_labels)
     own = np.bincount(bank.track, bank.charge_e, minlength=n_tracks)
-    charge = charge * (np.repeat(own, PHASES**2) / np.where(total > 0, total, 1)).astype(np.float32)[label]
+    pixels = np.empty(len(label), dtype=PIXEL)
+    pixels["dx_px"], pixels["dy_px"] = dx, dy
+    pixels["charge_e"] = charge * (np.repeat(own, PHASES**2) / np.where(total > 0, total, 1)).astype(np.float32)[label]
     count = np.bincount(label, minlength=n_labels)
     reach = np.zeros(n_tracks, dtype=np.int64)
     np.maximum.at(reach, label // PHASES**2, np.maximum(np.abs(dx), np.abs(dy)))
     return Footprints(
-        dx_px=dx.astype(np.int16),
-        dy_px=dy.astype(np.int16),
-        charge_e=charge,
+        pixels=pixels,
         start=np.concatenate([[0], np.cumsum(count)[:-1]]),
         count=count,
         reach_px=reach,

@@ -16,7 +16,7 @@ class GammaHits:
     `length_px` is the lateral length of the chord that the entry direction cuts from the layer: the quantity of the
     length law. An electron that stops or is scattered out leaves a shorter mark. `azimuth_rad` is the entry direction,
     from +u towards +v, in (-pi, pi]. `deposit_kev` and `charge_e` are what the whole track left in the layer, outside
-    the image included.
+    the image included. Rows are in order of frame.
     """
 
     frame: np.ndarray
@@ -31,10 +31,13 @@ class GammaHits:
         """Number of tracks."""
         return len(self.frame)
 
+    def where(self, rows: np.ndarray) -> GammaHits:
+        """Some of the rows: numbers, or True and False for each."""
+        return GammaHits(**{field.name: getattr(self, field.name)[rows] for field in fields(self)})
+
     def in_frame(self, frame: int) -> GammaHits:
         """The rows of one frame."""
-        rows = self.frame == frame
-        return GammaHits(**{field.name: getattr(self, field.name)[rows] for field in fields(self)})
+        return self.where(self.frame == frame)
 
 
 def joined_hits(parts: list[GammaHits]) -> GammaHits:

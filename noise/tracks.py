@@ -1,6 +1,6 @@
 """The fast generator: tracks of a bank stamped at random places, sub-pixel offsets and orientations.
 
-Its slow definition is `noise.transport`, drawn hit by hit by `noise.slow`: same law, other draws.
+Its slow definition is `noise.transport`, drawn hit by hit by `noise.direct`: same law, other draws.
 """
 
 from __future__ import annotations
@@ -16,8 +16,13 @@ from noise.hits import GammaHits
 SHORT_PX = 8
 """Reach of the footprints that are stamped without looking at the borders: 95 % of them."""
 
-BORDER_CLASSES_PX = (SHORT_PX, 16, 64)
-"""Tracks of up to this reach are drawn in a frame of this width around the image: they may come in from there."""
+BORDER_CLASSES_PX = (SHORT_PX, 16, 48)
+"""Tracks of up to this reach are drawn in a frame of this width around the image: they may come in from there.
+
+A last class takes the longer ones.
+"""
+
+STAMPS_AT_A_TIME = 2**16
 
 MIRRORED_AZIMUTH = np.array(
     [[1, 0], [-1, np.pi], [-1, 0], [1, np.pi], [-1, np.pi / 2], [1, np.pi / 2], [1, -np.pi / 2], [-1, -np.pi / 2]]
@@ -38,7 +43,7 @@ class Stamps:
         """Number of tracks."""
         return len(self.x_px)
 
-    def where(self, rows: np.ndarray) -> Stamps:
+    def where(self, rows: np.ndarray | slice) -> Stamps:
         """Some of the rows."""
         return Stamps(self.x_px[rows], self.y_px[rows], self.track[rows], self.symmetry[rows])
 
@@ -63,7 +68,7 @@ def draw_border_stamps(
     """Tracks that enter outside the image but near enough to reach it; without them its borders get too little dose."""
     parts = []
     low = -1
-    for margin in BORDER_CLASSES_PX:
+    for margin in (*BORDER_CLASSES_PX, int(prints.reach_px.max())):
         members = np.flatnonzero((prints.reach_px > low) & (prints.reach_px <= margin))
         low = margin
         x_px, y_px = points_around(per_pixel * len(members) / prints.n_tracks, shape, margin, rng=rng)
@@ -97,6 +102,12 @@ def stamp_charge(charge_e: Array, stamps: Stamps, prints: Footprints) -> None:
 
     Slow definition, track by track: `charge_e[y + dy, x + dx] += charge` over the pixels of its footprint.
     """
+    for first in range(0, len(stamps), STAMPS_AT_A_TIME):
+        stamp_some(charge_e, stamps.where(np.s_[first : first + STAMPS_AT_A_TIME]), prints)
+
+
+def stamp_some(charge_e: Array, stamps: Stamps, prints: Footprints) -> None:
+    """The same for so few tracks that all their pixels fit in memory at once."""
     height, width = charge_e.shape
     column = np.floor(stamps.x_px + 0.5).astype(np.int64)
     row = np.floor(stamps.y_px + 0.5).astype(np.int64)
@@ -106,10 +117,11 @@ def stamp_charge(charge_e: Array, stamps: Stamps, prints: Footprints) -> None:
     hit, entry, sx, sy, swap = footprint_rows(stamps.where(inside), prints)
     along_x, along_y = np.where(swap, width * sy, sx), np.where(swap, sx, width * sy)
     base = row[inside] * width + column[inside]
-    index = prints.dx_px[entry] * along_x[hit]
-    index += prints.dy_px[entry] * along_y[hit]
+    pixel = prints.pixels[entry]
+    index = pixel["dx_px"] * along_x[hit]
+    index += pixel["dy_px"] * along_y[hit]
     index += base[hit]
-    np.add.at(flat, index, prints.charge_e[entry])
+    np.add.at(flat, index, pixel["charge_e"])
     stamp_with_borders(charge_e, stamps.where(~inside), prints)
 
 
@@ -117,11 +129,12 @@ def stamp_with_borders(charge_e: Array, stamps: Stamps, prints: Footprints) -> N
     """The same for tracks that may lie partly outside: every pixel is looked at."""
     height, width = charge_e.shape
     hit, entry, sx, sy, swap = footprint_rows(stamps, prints)
-    dx, dy = prints.dx_px[entry], prints.dy_px[entry]
+    pixel = prints.pixels[entry]
+    dx, dy = pixel["dx_px"], pixel["dy_px"]
     x = np.where(swap[hit], dy, dx) * sx[hit] + np.floor(stamps.x_px + 0.5).astype(np.int64)[hit]
     y = np.where(swap[hit], dx, dy) * sy[hit] + np.floor(stamps.y_px + 0.5).astype(np.int64)[hit]
     inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
-    np.add.at(charge_e.reshape(-1), y[inside] * width + x[inside], prints.charge_e[entry[inside]])
+    np.add.at(charge_e.reshape(-1), y[inside] * width + x[inside], pixel["charge_e"][inside])
 
 
 def footprint_rows(
