@@ -6,6 +6,7 @@ import json
 import math
 import os
 import stat
+import sys
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -178,7 +179,7 @@ def _need_keys(where: str, value: Any, keys: list[str]) -> None:
 def _number_or_undefined(where: str, value: Any) -> float:
     if value is None:
         return UNDEFINED
-    if isinstance(value, bool) or not isinstance(value, int | float) or abs(value) > np.finfo(np.float64).max:
+    if isinstance(value, bool) or not isinstance(value, int | float) or abs(value) > sys.float_info.max:
         raise ResultError(f"{where} must be a finite number or null, got {value!r:.80}")
     return float(value)
 

@@ -107,7 +107,8 @@ def _rig_from(storage: cv2.FileStorage) -> Rig:
     def matrix(key: str) -> Array:
         return _matrix(key, storage.getNode(key))
 
-    width_px, height_px = _sequence("image_size", storage.getNode("image_size"), 2)
+    size = storage.getNode("image_size")
+    image_size = matrix("image_size").ravel().tolist() if size.isMap() else _sequence("image_size", size, 2)
     return Rig(
         K1=matrix("K1"),
         D1=matrix("D1"),
@@ -115,7 +116,7 @@ def _rig_from(storage: cv2.FileStorage) -> Rig:
         D2=matrix("D2"),
         R=matrix("R"),
         T=matrix("T"),
-        image_size=(width_px, height_px),  # type: ignore[arg-type]  # Rig refuses fractions
+        image_size=tuple(image_size),  # type: ignore[arg-type]  # Rig refuses fractions
         world_from_left=matrix("world_from_left") if "world_from_left" in present else None,
         lamps=matrix("lamps") if "lamps" in present else None,
         pedestal_radius=_number("pedestal_radius", storage.getNode("pedestal_radius"))
@@ -143,6 +144,8 @@ def _matrix(key: str, node: cv2.FileNode) -> Array:
 
 
 def _sequence(key: str, node: cv2.FileNode, count: int) -> list[float]:
+    if count == 1 and not node.isSeq():  # XML knows no sequence of one
+        return [_number(key, node)]
     if not node.isSeq() or node.size() != count:
         raise RigError(f"{key} must be a sequence of {count} numbers")
     return [_number(key, node.at(index)) for index in range(count)]
