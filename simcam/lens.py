@@ -4,10 +4,12 @@ Coordinates are normalised (x/z, y/z in camera axes, z = 1). Coefficients in Ope
 Source: D. C. Brown, "Close-range camera calibration", 1971; the OpenCV camera model.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.floating]
+FloatArray = NDArray[Any]  # floats of either width
 
 SOLVED = 1e-11  # normalised units: 1e-8 px for the paper's rig
 MAX_STEPS = 30

@@ -43,14 +43,14 @@ def lamp_visibility(lamp: Lamp, surface: Surface, obstacles: Obstacles | None, s
 
 
 def _lamp_disc(lamp: Lamp, origins_m: FloatArray, samples: int) -> list[FloatArray]:
-    """Points (n, 3) on the disc of the lamp that faces each origin: a sunflower of equal areas; 1 sample = the centre."""
+    """Points (n, 3) on the lamp's disc that faces each origin, a sunflower of equal areas; 1 sample = the centre."""
     centre_m = np.asarray(lamp.position_m, np.float32)
     if samples == 1:
         return [np.broadcast_to(centre_m, origins_m.shape)]
     towards = centre_m - origins_m
     towards /= np.linalg.norm(towards, axis=1, keepdims=True)
     upright = np.abs(towards[:, 2:]) < 0.9
-    across = np.cross(towards, np.where(upright, np.float32([0, 0, 1]), np.float32([1, 0, 0])))
+    across = np.cross(towards, np.where(upright, np.array([0, 0, 1], np.float32), np.array([1, 0, 0], np.float32)))
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     other = np.cross(towards, across)
     radii = np.float32(lamp.radius_m) * np.sqrt((np.arange(samples) + 0.5) / samples)

@@ -81,7 +81,10 @@ def _patches(pedestal: Pedestal, fine: int) -> Patches:
     centres, normal = np.concatenate(points, axis=1), np.concatenate(normals, axis=1)
     area = np.concatenate(areas)
     surface = Surface(
-        centres.astype(np.float32), normal.astype(np.float32), np.zeros(area.size), np.concatenate(kinds).astype(np.int8)
+        centres.astype(np.float32),
+        normal.astype(np.float32),
+        np.zeros(area.size),
+        np.concatenate(kinds).astype(np.int8),
     )
     return Patches(surface, area)
 

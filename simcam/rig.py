@@ -95,7 +95,7 @@ def stereo_rig(
 ) -> StereoRig:
     """Two equal cameras at +-baseline/2 along the rig's y axis (left = +), turned with the rig about its origin.
 
-    `right_error` turns the right camera alone, about its own centre, in the rig's axes. The defaults are the paper's rig.
+    `right_error` turns the right camera alone about its own centre, in the rig's axes. Defaults: the paper's rig.
     """
     pose, lens, right_error = pose or Pose(), lens or Lens(), right_error or Tilt()
     if not baseline_m > 0:
@@ -111,4 +111,6 @@ def _camera(lens: Lens, centre_m: FloatArray, world_from_rig: FloatArray) -> Cam
     world_from_camera = np.eye(4)
     world_from_camera[:3, :3] = world_from_rig @ RIG_FROM_CAMERA
     world_from_camera[:3, 3] = centre_m
-    return Camera(lens.width_px, lens.height_px, lens.camera_matrix, np.asarray(lens.distortion, float), world_from_camera)
+    return Camera(
+        lens.width_px, lens.height_px, lens.camera_matrix, np.asarray(lens.distortion, float), world_from_camera
+    )

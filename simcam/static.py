@@ -135,9 +135,7 @@ def cast_view(lit: LitScene, camera: Camera) -> StaticView:
     return StaticView(radiance.reshape(shape), direct, surface.points_m, surface.distance_m.reshape(shape))
 
 
-def _sees_lamp(
-    lamp: Lamp, origin_m: FloatArray, directions: FloatArray, distance_m: FloatArray
-) -> FloatArray:
+def _sees_lamp(lamp: Lamp, origin_m: FloatArray, directions: FloatArray, distance_m: FloatArray) -> FloatArray:
     """Indices of the rays that meet the lamp's sphere before anything else."""
     to_lamp = (np.asarray(lamp.position_m) - origin_m[:, 0]).astype(np.float32)
     along = to_lamp @ directions

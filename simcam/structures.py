@@ -5,14 +5,14 @@ Every structure has `reflectance` (diffuse) and `triangles()` -> vertices (n, 3)
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from simcam.lens import FloatArray
 
-IndexArray = NDArray[np.integer]
+IndexArray = NDArray[Any]  # integers of any width
 MAX_FACES = 5_000_000  # Embree's tree takes about 100 bytes a face: half a gigabyte
 MAX_EXTENT_M = 1000.0  # a mesh in millimetres is the usual cause
 PIPE_SIDES = 48
@@ -117,12 +117,8 @@ class Grating:
         """One box per bar."""
         length, width = self.size_m
         bars = [
-            Box((0.0, y, 0.0), (length, self.bar_m, self.bar_m)).triangles()
-            for y in _bar_places(width, self.pitch_m)
-        ] + [
-            Box((x, 0.0, 0.0), (self.bar_m, width, self.bar_m)).triangles()
-            for x in _bar_places(length, self.pitch_m)
-        ]
+            Box((0.0, y, 0.0), (length, self.bar_m, self.bar_m)).triangles() for y in _bar_places(width, self.pitch_m)
+        ] + [Box((x, 0.0, 0.0), (self.bar_m, width, self.bar_m)).triangles() for x in _bar_places(length, self.pitch_m)]
         vertices, faces = join_meshes(bars)
         return vertices + np.asarray(self.centre_m), faces
 

@@ -33,11 +33,12 @@ class Surface:
 
 @dataclass(frozen=True)
 class Obstacles:
-    """All structure of a scene as one mesh: its caster, and per face a unit normal and a reflectance."""
+    """All structure of a scene as one mesh: caster; per face a unit normal, a reflectance and the structure's index."""
 
     caster: RayCaster
     normals: FloatArray
     reflectance: FloatArray
+    structure: IndexArray
     low_m: FloatArray
     high_m: FloatArray
 
@@ -59,14 +60,13 @@ def build_obstacles(structures: tuple[Structure, ...]) -> Obstacles | None:
         RayCaster(vertices, faces),
         normals.astype(np.float32),
         reflectance.astype(np.float32),
+        np.repeat(np.arange(len(meshes)), [len(mesh_faces) for _, mesh_faces in meshes]),
         vertices.min(axis=0),
         vertices.max(axis=0),
     )
 
 
-def trace(
-    pedestal: Pedestal, obstacles: Obstacles | None, origins_m: FloatArray, directions: FloatArray
-) -> Surface:
+def trace(pedestal: Pedestal, obstacles: Obstacles | None, origins_m: FloatArray, directions: FloatArray) -> Surface:
     """First static surface met by rays (3, n) from inside the pedestal; origins may be (3, 1)."""
     surface = hit_pedestal(pedestal, origins_m, directions)
     if obstacles is None:
@@ -95,9 +95,7 @@ def hit_pedestal(pedestal: Pedestal, origins_m: FloatArray, directions: FloatArr
     return Surface(points, normals, distance, kind)
 
 
-def _nearer_structure(
-    surface: Surface, obstacles: Obstacles, origins_m: FloatArray, directions: FloatArray
-) -> Surface:
+def _nearer_structure(surface: Surface, obstacles: Obstacles, origins_m: FloatArray, directions: FloatArray) -> Surface:
     origins = np.broadcast_to(origins_m, directions.shape)
     hits = obstacles.caster.first_hits(np.ascontiguousarray(origins.T), np.ascontiguousarray(directions.T))
     near = hits.distance_m < surface.distance_m
@@ -143,7 +141,9 @@ class MapReader:
         x, y, z = points_m
         rows, columns = self._wall.shape[0], self._wall.shape[1] - 2
         column = (np.arctan2(y, x) + np.float32(np.pi)) * np.float32(columns / (2 * np.pi)) + np.float32(0.5)
-        row = (np.float32(self._pedestal.ceiling_z_m) - z) * np.float32(rows / self._pedestal.height_m) - np.float32(0.5)
+        row = (np.float32(self._pedestal.ceiling_z_m) - z) * np.float32(rows / self._pedestal.height_m) - np.float32(
+            0.5
+        )
         return read_map(self._wall, column, row)
 
     def _read_disc(self, points_m: FloatArray, kind: int) -> FloatArray:
@@ -159,11 +159,11 @@ def read_map(values: FloatArray, column: FloatArray, row: FloatArray) -> FloatAr
     padded = -(-n // REMAP_WIDTH) * REMAP_WIDTH
     coordinates = np.zeros((2, padded), np.float32)
     coordinates[0, :n], coordinates[1, :n] = column, row
-    coordinates = coordinates.reshape(2, -1, REMAP_WIDTH)
+    blocks = coordinates.reshape(2, -1, REMAP_WIDTH)
     picked = np.empty((padded // REMAP_WIDTH, REMAP_WIDTH), np.float32)
     for first in range(0, len(picked), 32000):
         part = slice(first, first + 32000)
         picked[part] = cv2.remap(
-            values, coordinates[0, part], coordinates[1, part], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+            values, blocks[0, part], blocks[1, part], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
         )
     return picked.reshape(-1)[:n]

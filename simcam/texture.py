@@ -107,9 +107,7 @@ def _rust_maps(texture: RustTexture) -> SurfaceMaps:
     rows, columns = WALL_MAP_SHAPE
     blotches = texture.blotches_around
     wall = _fractal_noise(WALL_MAP_SHAPE, (max(1, blotches * rows // columns), blotches), rng=rng)
-    discs = [
-        _fractal_noise((DISC_MAP_SIZE, DISC_MAP_SIZE), (max(1, blotches // 3),) * 2, rng=rng) for _ in range(2)
-    ]
+    discs = [_fractal_noise((DISC_MAP_SIZE, DISC_MAP_SIZE), (max(1, blotches // 3),) * 2, rng=rng) for _ in range(2)]
     return SurfaceMaps(*(_rusted(texture, noise) for noise in (wall, *discs)))
 
 
@@ -122,7 +120,7 @@ def _rusted(texture: RustTexture, noise: FloatArray) -> FloatArray:
 
 
 def _fractal_noise(shape: tuple[int, int], cells: tuple[int, int], *, rng: np.random.Generator) -> FloatArray:
-    """Sum of octaves of smooth noise, amplitude falling as 1 / frequency; periodic in the columns; mean 0, deviation 1."""
+    """Octaves of smooth noise, finer ones weaker; periodic in the columns; mean 0, deviation 1."""
     total = np.zeros(shape, np.float32)
     for octave in range(OCTAVES):
         grid_rows, grid_columns = cells[0] << octave, cells[1] << octave

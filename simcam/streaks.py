@@ -1,0 +1,178 @@
+"""Falling drops blurred by their motion: the moving layer's bright and dark streaks, without casting rays per frame.
+
+All drops of a leak follow the same line, and the scene behind it does not move. So what a drop adds to a pixel while a
+line of its disc crosses the pixel's row is a table of place alone, made once per leak and view (`streak_table`); a
+frame then needs only the time that each line spends in each row, which is a difference of clipped crossing times.
+Slow definition: the integral over the exposure, and over the pixel's square, of the radiance of drop minus background
+(tests/simcam/brute_force.py); `expose_drop` is exact in time, and in columns to the width of a sample.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from simcam.camera import Camera
+from simcam.dropview import SAMPLES_ACROSS, Disc, disc_radiance, disc_strips, drop_glints, no_glints
+from simcam.lens import FloatArray
+from simcam.lines import Lines, drop_lines
+from simcam.path import DropPath, drop_path, landing_m
+from simcam.scene import Leak
+from simcam.static import LitScene, StaticView
+from simcam.structures import IndexArray
+
+MIN_STRIPS, MAX_STRIPS = 16, 96
+STRIPS_PER_PX = 4.0  # a drop that hardly moves would show coarser strips as bands
+NODES = 33  # places on the path where the optics are evaluated; between them they are interpolated
+
+
+@dataclass(frozen=True)
+class StreakTable:
+    """A leak in a view, rows from `first_row`: crossing_s (rows + 1, lines), time since release at which each line
+
+    crosses the rows' upper borders (the last: the lower border of the last row); light (rows, lines, columns), what
+    a line adds to a pixel while it is in its row, W m^-2 sr^-1; pixels (rows, columns) flat indices of the image.
+    """
+
+    first_row: int
+    crossing_s: FloatArray
+    light: FloatArray
+    pixels: IndexArray
+
+
+@dataclass(frozen=True)
+class _Swept:
+    """Lines where they cross the rows (rows, lines): left end and width in px, node below, weight of the next node."""
+
+    left_px: FloatArray
+    width_px: FloatArray
+    node: IndexArray
+    weight: FloatArray
+    fall_s: FloatArray
+
+
+def streak_table(lit: LitScene, view: StaticView, camera: Camera, leak: Leak) -> StreakTable | None:
+    """Table of one leak in one view; None when its drops are never seen."""
+    path = drop_path(camera, leak, landing_m(lit, leak))
+    if path is None:
+        return None
+    nodes, disc = _nodes(path), _disc(path, leak)
+    lines = drop_lines(disc, disc_radiance(lit, nodes, leak.drop_radius_m, disc), drop_glints(lit, nodes))
+    return _table(view, camera, path, leak, lines)
+
+
+def coverage_table(lit: LitScene, view: StaticView, camera: Camera, leak: Leak) -> StreakTable | None:
+    """The same for a drop of radiance 1 before a black scene: what it covers."""
+    path = drop_path(camera, leak, landing_m(lit, leak))
+    if path is None:
+        return None
+    disc = _disc(path, leak)
+    even = np.ones((NODES, len(disc.middle), SAMPLES_ACROSS))
+    black = replace(view, radiance=np.zeros_like(view.radiance))
+    return _table(black, camera, path, leak, drop_lines(disc, even, no_glints(NODES)))
+
+
+def _nodes(path: DropPath) -> DropPath:
+    return path.at(np.linspace(path.fall_s[0], path.fall_s[-1], NODES))
+
+
+def _disc(path: DropPath, leak: Leak) -> Disc:
+    height_px = 2 * leak.drop_radius_m * float(np.max(path.down_px[:, 1]))
+    return disc_strips(int(np.clip(np.ceil(STRIPS_PER_PX * height_px), MIN_STRIPS, MAX_STRIPS)))
+
+
+def _table(view: StaticView, camera: Camera, path: DropPath, leak: Leak, lines: Lines) -> StreakTable:
+    node_s = _nodes(path).fall_s
+    first_row, crossing_s = _crossings(camera, path, leak.drop_radius_m, node_s, lines)
+    swept = _swept(path, leak.drop_radius_m, node_s, lines, crossing_s)
+    return _light_table(view, path.at(swept.fall_s.mean(axis=1)), leak, lines, (first_row, crossing_s, swept))
+
+
+def _crossings(
+    camera: Camera, path: DropPath, radius_m: float, node_s: FloatArray, lines: Lines
+) -> tuple[int, FloatArray]:
+    """First row of the path, and when each line crosses the borders of the rows from there, (rows + 1, lines)."""
+    scale = radius_m * path.down_px[:, 1]
+    down = _between(node_s, lines.down, path.fall_s)
+    line_row = np.maximum.accumulate(path.centre_px[:, 1:] + scale[:, None] * down, axis=0)
+    first_row = int(np.clip(np.floor(line_row.min() + 0.5), 0, camera.height_px - 1))
+    last_row = int(np.clip(np.ceil(line_row.max()), first_row, camera.height_px - 1))
+    borders = np.arange(first_row, last_row + 2) - 0.5
+    return first_row, np.stack([np.interp(borders, rows, path.fall_s) for rows in line_row.T], axis=1)
+
+
+def _swept(path: DropPath, radius_m: float, node_s: FloatArray, lines: Lines, crossing_s: FloatArray) -> _Swept:
+    """Where the lines lie along the row, and between which nodes of the path, while they cross each row."""
+    fall_s = (crossing_s[1:] + crossing_s[:-1]) / 2
+    place = (fall_s - node_s[0]) / (node_s[1] - node_s[0])
+    node = np.clip(place.astype(int), 0, len(node_s) - 2)
+    weight = place - node
+    line = np.arange(fall_s.shape[1])
+
+    def pick(values: FloatArray) -> FloatArray:
+        return values[node, line] * (1 - weight) + values[node + 1, line] * weight
+
+    def along(values: FloatArray) -> FloatArray:
+        return np.interp(fall_s, path.fall_s, values)
+
+    centre = along(path.centre_px[:, 0]) + radius_m * (
+        along(path.right_px) * pick(lines.centre) + along(path.down_px[:, 0]) * pick(lines.down)
+    )
+    half_px = radius_m * along(path.right_px) * pick(lines.half_width)
+    return _Swept(centre - half_px, 2 * half_px, node, weight, fall_s)
+
+
+def _light_table(
+    view: StaticView, rows_path: DropPath, leak: Leak, lines: Lines, timed: tuple[int, FloatArray, _Swept]
+) -> StreakTable:
+    first_row, crossing_s, swept = timed
+    height, width = view.radiance.shape
+    first_column = np.floor(swept.left_px.min(axis=1) + 0.5).astype(int)
+    columns = int((np.ceil(swept.left_px + swept.width_px).max(axis=1) - first_column).max()) + 2
+    column = first_column[:, None] + np.arange(columns)
+    row = first_row + np.arange(len(first_column))[:, None]
+    pixels = np.clip(row, 0, height - 1) * width + np.clip(column, 0, width - 1)
+    covered, light = _per_column(lines, swept, first_column, columns)
+    square_px = leak.drop_radius_m**2 * rows_path.right_px * rows_path.down_px[:, 1]
+    light -= covered * view.radiance.reshape(-1)[pixels][:, None, :]
+    in_front = rows_path.range_m[:, None] < view.range_m.reshape(-1)[pixels] + leak.drop_radius_m
+    shown = in_front & (column >= 0) & (column < width)
+    light *= (square_px[:, None] * shown)[:, None, :]
+    return StreakTable(first_row, crossing_s, light.astype(np.float32), pixels)
+
+
+def _per_column(lines: Lines, swept: _Swept, first_column: FloatArray, columns: int) -> tuple[FloatArray, FloatArray]:
+    """Area and light of each line (rows, lines, columns) over the pixels' columns, in units of the unit disc."""
+    borders = first_column[:, None] + np.arange(columns + 1) - 0.5
+    part = np.clip((borders[:, None, :] - swept.left_px[:, :, None]) / swept.width_px[:, :, None], 0, 1)
+    sample = np.minimum((part * SAMPLES_ACROSS).astype(int), SAMPLES_ACROSS - 1)
+    rest = part * SAMPLES_ACROSS - sample
+    line = np.arange(part.shape[1])[None, :, None]
+    cumulated = np.zeros(part.shape)
+    for step, share in ((0, 1 - swept.weight), (1, swept.weight)):
+        node = swept.node[:, :, None] + step
+        here = lines.cumulated[node, line, sample]
+        cumulated += share[:, :, None] * (here + rest * (lines.cumulated[node, line, sample + 1] - here))
+    area = lines.area[0][None, :, None]  # the same at every place
+    return area * np.diff(part, axis=2), np.diff(cumulated, axis=2)
+
+
+def expose_drop(image: FloatArray, table: StreakTable, opens_s: FloatArray, closes_s: FloatArray) -> None:
+    """Add one drop's streak, radiance times seconds, to a flat image (height * width,) in place.
+
+    `opens_s`, `closes_s` (height,): the rows' exposure in time since the drop's release.
+    """
+    last_row = table.first_row + len(table.light)
+    opens, closes = opens_s[table.first_row : last_row], closes_s[table.first_row : last_row]
+    latest, earliest = table.crossing_s[1:].max(axis=1), table.crossing_s[:-1].min(axis=1)
+    rows = np.flatnonzero((latest > opens) & (earliest < closes))
+    if rows.size == 0:
+        return
+    part = slice(rows[0], rows[-1] + 1)
+    first, last = opens[part, None], closes[part, None]
+    enters = np.clip(table.crossing_s[rows[0] : rows[-1] + 1], first, last)
+    leaves = np.clip(table.crossing_s[rows[0] + 1 : rows[-1] + 2], first, last)
+    image[table.pixels[part]] += np.einsum("rl,rlc->rc", leaves - enters, table.light[part])
+
+
+def _between(node_s: FloatArray, values: FloatArray, fall_s: FloatArray) -> FloatArray:
+    return np.stack([np.interp(fall_s, node_s, column) for column in values.T], axis=1)
