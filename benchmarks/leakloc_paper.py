@@ -1,7 +1,7 @@
 """The paper's method, stage by stage, beside its straightforward numpy version: 24 stereo frames of 960 x 540.
 
-One line per stage: milliseconds of both (least of the repetitions) and their ratio; stages are of one view, on one
-core, the total is of both views on two. Every result is compared before its time is printed.
+One line per stage: milliseconds of both (least of the repetitions) and their ratio; stages are of one view,
+the total is of both. Every result is compared before its time is printed.
 """
 
 import importlib.util

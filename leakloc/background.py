@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 Frames = NDArray[Any]  # (frames, height, width), uint8 or uint16 grey
 
-BLOCK_BYTES = 512 * 1024  # rows of all frames sorted at once: half of a 1 MiB second-level cache, measured
+BLOCK_BYTES = 2 << 20  # rows of all frames sorted at once: in the cache, yet few calls; measured best from 1 to 4 MiB
 
 
 @dataclass(frozen=True, eq=False)

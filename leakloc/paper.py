@@ -10,7 +10,6 @@ holds every matched pair with `left_column_px`, `right_column_px`, `x_m`, `y_m` 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -42,7 +41,7 @@ class PaperOptions:
         """Refuse numbers that Algorithm 1 has no meaning for."""
         if not (np.isfinite(self.k_sigma) and self.k_sigma >= 0):
             raise ValueError(f"PaperOptions: k_sigma must be finite and >= 0, got {self.k_sigma}")
-        if self.g_win_px != int(self.g_win_px) or self.g_win_px < 0:
+        if not isinstance(self.g_win_px, int | np.integer) or self.g_win_px < 0:
             raise ValueError(f"PaperOptions: g_win_px must be a whole number >= 0, got {self.g_win_px}")
 
 
@@ -91,8 +90,7 @@ def locate_by_paper(left: Frames, right: Frames, rig: Rig, options: PaperOptions
     stay in the diagnostics and are no leaks. `score` is the smaller of the two columns' (g - mean) / std, the number
     that k_sigma is held against. The paper gives neither covariance nor column deviation: NaN.
     """
-    with ThreadPoolExecutor(2) as pool:
-        views = list(pool.map(view_columns, (left, right), (options, options)))
+    views = [view_columns(frames, options) for frames in (left, right)]  # two threads only queue for the interpreter
     pairs_px = match_views(*views)
     places_m = triangulate_columns(pairs_px, rig)
     verdicts = _verdicts(places_m, rig)

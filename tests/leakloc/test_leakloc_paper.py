@@ -114,7 +114,10 @@ def test_the_options_reach_the_detector(make_rig, make_dripping):
     assert strict.leaks == ()
 
 
-@pytest.mark.parametrize("options", [{"k_sigma": -1.0}, {"k_sigma": float("nan")}, {"g_win_px": -1}, {"g_win_px": 2.5}])
+@pytest.mark.parametrize(
+    "options",
+    [{"k_sigma": -1.0}, {"k_sigma": float("nan")}, {"g_win_px": -1}, {"g_win_px": 2.5}, {"g_win_px": float("nan")}],
+)
 def test_options_without_a_meaning_are_refused_by_name(options):
     with pytest.raises(ValueError, match=next(iter(options))):
         PaperOptions(**options)
