@@ -42,12 +42,15 @@ class Key:
 
 def expose(mean_e: Array, hits_e: Array | None, sensor: Sensor, exposure_s: float, key: Key) -> Frames:
     """Grey frame (height, width) of expected photo-electrons and the electrons of hits (None: no hits)."""
-    signal = mean_e.astype(np.float32)
+    signal: Array = mean_e.astype(np.float32)
     if sensor.shot_noise:
         add_shot_noise(signal, mean_e, key)
     add_dark_current(signal, sensor, exposure_s, key)
     if hits_e is not None:
-        signal += hits_e
+        add = np.add if sensor.combination == "sum" else np.maximum
+        add(signal, hits_e, out=signal)
+    if sensor.blur_px > 0:
+        signal = cv2.GaussianBlur(signal, (0, 0), sensor.blur_px)
     np.clip(signal, 0, sensor.full_well_e, out=signal)
     add_line_noise(signal, sensor, key)
     if sensor.read_noise_e > 0:

@@ -1,4 +1,8 @@
-"""Salt noise, the baseline that others use: as many white single pixels as there would be tracks."""
+"""Salt noise, the baseline that others use: as many white single pixels as there would be tracks.
+
+Impulse noise (Gonzalez and Woods, Digital Image Processing, section 5.2): a struck pixel is white whatever the gain,
+and neither diffusion nor optics spread it.
+"""
 
 from __future__ import annotations
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 Tone = Literal["linear", "srgb"]
+Combination = Literal["sum", "maximum"]
 
 GREY_LEVELS_8_BIT = 255
 """`electrons_per_grey` is stated per grey of 8 bits, whatever the number of bits."""
@@ -22,7 +23,9 @@ class Sensor:
     `hot_pixel_e_s` (0), `row_noise_e` fresh in every frame (0), `column_noise_e` fixed for the clip (0). After it:
     `defect_threshold_grey`, how much (8-bit grey) a pixel may exceed its brightest neighbour before it is replaced by
     it (None), `tone` linear or srgb, `bits` 8 to 16, `jpeg_quality` (None), `duplicate_share` of frames that repeat the
-    one before (0). ValueError for a value out of its range.
+    one before (0). A real sensor adds the electrons of hits to photo-electrons; `combination` "maximum" and `blur_px`
+    (sigma of a blur of the whole image, 0 off) are those of the published converter. ValueError for a value out of its
+    range.
     """
 
     pitch_um: float = 3.0
@@ -41,6 +44,8 @@ class Sensor:
     defect_threshold_grey: float | None = None
     jpeg_quality: int | None = None
     duplicate_share: float = 0.0
+    combination: Combination = "sum"
+    blur_px: float = 0.0
 
     def __post_init__(self) -> None:
         """Check every value once, here."""
@@ -53,10 +58,12 @@ class Sensor:
             "hot_pixel_e_s",
             "row_noise_e",
             "column_noise_e",
+            "blur_px",
         ):
             check(name, getattr(self, name), 0 <= getattr(self, name) < math.inf, ">= 0 and finite")
         for name in ("hot_pixel_share", "duplicate_share"):
             check(name, getattr(self, name), 0 <= getattr(self, name) <= 1, "in 0 to 1")
+        check("combination", self.combination, self.combination in ("sum", "maximum"), "'sum' or 'maximum'")
         check("tone", self.tone, self.tone in ("linear", "srgb"), "'linear' or 'srgb'")
         check("bits", self.bits, self.bits in range(8, 17), "a whole number, 8 to 16")
         if self.defect_threshold_grey is not None:
@@ -83,23 +90,21 @@ class Sensor:
     def without_noise(self) -> Sensor:
         """The same sensor with every random effect, the codec and the defect correction off: it only quantises."""
         off = Sensor()
-        ideal = {
-            "shot_noise": False,
-            "read_noise_e": 0.0,
-            **{
-                name: getattr(off, name)
-                for name in (
-                    "dark_e_s",
-                    "hot_pixel_share",
-                    "row_noise_e",
-                    "column_noise_e",
-                    "defect_threshold_grey",
-                    "jpeg_quality",
-                    "duplicate_share",
-                )
-            },
-        }
-        return replace(self, **ideal)
+        kept = {name: getattr(off, name) for name in OFF_BY_DEFAULT}
+        return replace(self, shot_noise=False, read_noise_e=0.0, **kept)
+
+
+OFF_BY_DEFAULT = (
+    "dark_e_s",
+    "hot_pixel_share",
+    "row_noise_e",
+    "column_noise_e",
+    "defect_threshold_grey",
+    "jpeg_quality",
+    "duplicate_share",
+    "blur_px",
+)
+"""Effects that the default sensor does not have."""
 
 
 def check(name: str, value: object, holds: bool, rule: str) -> None:  # noqa: FBT001 - the outcome of a rule
