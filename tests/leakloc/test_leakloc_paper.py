@@ -73,6 +73,14 @@ def test_a_pair_that_no_camera_can_see_is_kept_but_is_no_leak(make_rig, make_dri
     assert np.isnan(pair["x_m"]) == (verdict == "parallel planes")
 
 
+def test_what_is_behind_one_camera_alone_is_no_leak_either(make_rig, make_dripping):
+    """The right camera 1 m ahead of the left: columns 111 and 94 meet 0.5 m in front of one, 0.5 m behind the other."""
+    rig = make_rig(120, 40, T=[-0.5, 0, -1.0], world_from_left=None)
+    (pair,) = locate(make_dripping([111]), make_dripping([94]), rig).diagnostics["pairs"]
+    assert pair["x_m"] == pytest.approx(0.5, abs=0.02)
+    assert pair["verdict"] == "behind a camera"
+
+
 def test_swapping_the_views_and_the_rig_returns_the_same_places(make_rig, make_dripping):
     rig = make_rig(120, 40)
     right_from_left = rig.right_from_frame @ rig.frame_from_left

@@ -79,8 +79,11 @@ def test_a_write_that_fails_leaves_the_old_result_and_nothing_else(tmp_path):
         write_result(Estimate("paper", "world", (), {"a": float("inf")}), path)
     with pytest.raises(OSError, match="No such file"):
         write_result(Estimate("paper", "world", ()), tmp_path / "nowhere" / "result.json")
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(IsADirectoryError):
+        write_result(Estimate("paper", "world", ()), tmp_path / "folder")
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == ["folder", "result.json"]
     assert path.read_text() == "old"
-    assert [entry.name for entry in tmp_path.iterdir()] == ["result.json"]
 
 
 def test_a_write_leaves_no_temporary_file(tmp_path):
