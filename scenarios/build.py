@@ -5,7 +5,9 @@ import numpy as np
 import simcam
 from leakloc import Rig
 from noise import GammaField, Sensor
-from scenarios.scenario import Scenario
+from scenarios.scenario import BoxTable, GratingTable, PipeTable, Scenario, StructureTable
+from scenarios.scenario_file import ScenarioError
+from simcam.structures import Structure
 
 
 def build_scene(scenario: Scenario) -> simcam.Scene:
@@ -23,6 +25,7 @@ def build_scene(scenario: Scenario) -> simcam.Scene:
             simcam.Leak(leak.x_m, leak.y_m, leak.z_m, leak.drop_radius_m, np.array(leak.drop_times_s, dtype=float))
             for leak in scenario.leak
         ),
+        structures=tuple(_structure(table) for table in scenario.structure),
     )
 
 
@@ -94,6 +97,20 @@ def image_sensor(scenario: Scenario) -> Sensor:
         charge_diffusion_um=sensor.charge_diffusion_um,
         tone=sensor.tone,
     )
+
+
+def _structure(table: StructureTable) -> Structure:
+    match table:
+        case BoxTable():
+            return simcam.Box(table.centre_m, table.size_m, table.yaw_deg, table.reflectance)
+        case PipeTable():
+            return simcam.Pipe(table.start_m, table.end_m, table.radius_m, table.reflectance)
+        case GratingTable():
+            return simcam.Grating(table.centre_m, table.size_m, table.pitch_m, table.bar_m, table.reflectance)
+    try:
+        return simcam.mesh_file(table.path, scale=table.scale, reflectance=table.reflectance)
+    except (ValueError, OSError) as error:
+        raise ScenarioError(f"structure: mesh {table.path}: {error}") from None
 
 
 def _lens(scenario: Scenario, hfov_deg: float) -> simcam.Lens:

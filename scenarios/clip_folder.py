@@ -1,5 +1,7 @@
 """Clip folders on disk: written whole and read back, checked against their manifest, copied without the truth."""
 
+from __future__ import annotations
+
 import hashlib
 import json
 import platform
@@ -10,7 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
@@ -18,8 +20,10 @@ import numpy as np
 from leakloc import write_rig
 from scenarios.output_folder import OutputError, made_by, write_file, write_json
 from scenarios.scenario_toml import scenario_toml
-from scenarios.simulate import SimulatedClip
 from scenarios.truth import truth_json
+
+if TYPE_CHECKING:
+    from scenarios.simulate import SimulatedClip
 
 MANIFEST = "clip.json"
 ESTIMATORS_FILES = ("rig.yaml", "input.json")

@@ -49,7 +49,7 @@ def display_gain(frame_grey: np.ndarray) -> float:
 def top_view(truth: Truth, estimates_m: Sequence[tuple[float, float]], scored: Score) -> str:
     """Top view with pedestal, fields of view, true leaks, estimates and error lines (paper's figure 7), as SVG."""
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(5.4, 5.4), layout="constrained")
+        figure = Figure(figsize=(4.6, 4.6), layout="constrained")
         axes = figure.add_subplot(aspect="equal")
         radius_m = truth.rig.pedestal_radius_m
         axes.add_patch(Circle((0.0, 0.0), radius_m, facecolor="#f4f1ea", edgecolor="#6b6356", linewidth=1.5))
@@ -108,11 +108,11 @@ def _draw_camera(axes: Axes, camera: TrueCamera, radius_m: float) -> None:
 
 
 def _draw_leaks(axes: Axes, leaks: Sequence[LeakTruth]) -> None:
-    for which, shown, face in (("leak", True, TRUTH_COLOUR), ("leak, not observable", False, "none")):
+    for which, shown, colour in (("leak", True, TRUTH_COLOUR), ("leak, not observable", False, QUIET_COLOUR)):
         places = [(leak.y_m, leak.x_m) for leak in leaks if leak.observable is shown]
         if places:
             y_m, x_m = zip(*places, strict=True)
-            axes.plot(y_m, x_m, "o", ms=9, mec=TRUTH_COLOUR, mfc=face, mew=1.4, label=which)
+            axes.plot(y_m, x_m, "o", ms=10, mec=colour, mfc="none", mew=1.6, label=which)
     for leak in leaks:
         axes.annotate(
             f" {leak.id}", (leak.y_m, leak.x_m), xytext=(6, 4), textcoords="offset points", color=TRUTH_COLOUR

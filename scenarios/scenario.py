@@ -28,6 +28,7 @@ class Model(BaseModel):
 
 Metres = Annotated[float, Field(ge=-100.0, le=100.0)]
 Degrees = Annotated[float, Field(ge=-180.0, le=180.0)]
+Reflectance = Annotated[float, Field(gt=0.0, lt=1.0)]
 Point = Annotated[tuple[Metres, Metres, Metres], BeforeValidator(_tuple_of_list)]
 Distortion = Annotated[
     tuple[
@@ -56,7 +57,7 @@ class RigTable(Model):
     right_pitch_deg: Degrees = Field(0.0, description="error of the right camera against the left")
     right_yaw_deg: Degrees = Field(0.0, description="error of the right camera against the left")
     distortion: Distortion = Field((0.0, 0.0, 0.0, 0.0, 0.0), description="Brown k1 k2 p1 p2 k3, both cameras")
-    psf_sigma_px: float = Field(0.5, ge=0.0, le=5.0, description="point-spread of lens and pixel, Gaussian")
+    psf_sigma_px: float = Field(0.6, ge=0.0, le=5.0, description="point-spread of lens and pixel, Gaussian")
     f_number: float = Field(2.0, ge=0.5, le=32.0)
     quantum_efficiency: float = Field(0.6, gt=0.0, le=1.0)
 
@@ -109,8 +110,8 @@ class PedestalTable(Model):
     texture: Literal["rust", "uniform"] = "rust"
     texture_seed: int = Field(0, ge=0, lt=2**31, description="the wall stays the same when the scenario's seed changes")
     reflectance: float = Field(0.3, gt=0.0, lt=1.0, description="diffuse, of a uniform wall")
-    steel_reflectance: float = Field(0.12, gt=0.0, lt=1.0, description="diffuse, of a rusty wall where it is bare")
-    rust_reflectance: float = Field(0.45, gt=0.0, lt=1.0, description="diffuse, of a rusty wall where it is rusty")
+    steel_reflectance: float = Field(0.05, gt=0.0, lt=1.0, description="diffuse, of a rusty wall where it is bare")
+    rust_reflectance: float = Field(0.11, gt=0.0, lt=1.0, description="diffuse, of a rusty wall where it is rusty")
 
 
 class LampTable(Model):
@@ -118,7 +119,50 @@ class LampTable(Model):
 
     position_m: Point = (-2.3, 0.0, 0.4)
     radius_m: float = Field(0.1, gt=0.0, le=1.0)
-    power_w: float = Field(25.0, gt=0.0, le=100_000.0)
+    power_w: float = Field(190.0, gt=0.0, le=100_000.0)
+
+
+class BoxTable(Model):
+    """A box, turned about the vertical."""
+
+    kind: Literal["box"]
+    centre_m: Point
+    size_m: Point
+    yaw_deg: Degrees = 0.0
+    reflectance: Reflectance = 0.08
+
+
+class PipeTable(Model):
+    """A closed cylinder between two points."""
+
+    kind: Literal["pipe"]
+    start_m: Point
+    end_m: Point
+    radius_m: float = Field(0.05, gt=0.0, le=5.0)
+    reflectance: Reflectance = 0.08
+
+
+class GratingTable(Model):
+    """A level grating of bars."""
+
+    kind: Literal["grating"]
+    centre_m: Point
+    size_m: Annotated[tuple[Metres, Metres], BeforeValidator(_tuple_of_list)]
+    pitch_m: float = Field(0.1, gt=0.001, le=10.0)
+    bar_m: float = Field(0.01, gt=0.0001, le=10.0)
+    reflectance: Reflectance = 0.08
+
+
+class MeshTable(Model):
+    """A mesh file that trimesh can load; a relative path starts at the scenario file."""
+
+    kind: Literal["mesh"]
+    path: str = Field(min_length=1, max_length=1000)
+    scale: float = Field(1.0, gt=0.0, le=1000.0, description="metres per unit of the file")
+    reflectance: Reflectance = 0.08
+
+
+StructureTable = Annotated[BoxTable | PipeTable | GratingTable | MeshTable, Field(discriminator="kind")]
 
 
 class Drip(Model):
@@ -165,3 +209,6 @@ class Scenario(Model):
     )
     leak: Annotated[tuple[LeakTable, ...], BeforeValidator(_tuple_of_list)] = Field((), max_length=MAX_LEAKS)
     layout: LayoutTable | None = None
+    structure: Annotated[tuple[StructureTable, ...], BeforeValidator(_tuple_of_list)] = Field(
+        (), max_length=MAX_STRUCTURES
+    )

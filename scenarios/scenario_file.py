@@ -49,7 +49,8 @@ def read_scenario(path_or_name: str | Path, overrides: Sequence[str] = (), seed:
         _apply(override, data)
     if seed is not None:
         data["seed"] = seed
-    return validated(data, source)
+    scenario = validated(data, source)
+    return scenario.model_copy(update={"structure": tuple(_at_home(table, source) for table in scenario.structure)})
 
 
 def parse_toml(text: str, source: str) -> dict[str, Any]:
@@ -72,7 +73,7 @@ def validated(data: dict[str, Any], source: str) -> Scenario:
     except ValidationError as error:
         details = error.errors(include_url=False)
         lines = [_line(source, detail) for detail in details]
-        bad_keys = {_dotted(detail["loc"]) for detail in details}
+        bad_keys = {_key(detail["loc"]) for detail in details}
         scenario = _without(data, details)
     if scenario is not None:
         lines += [
@@ -113,6 +114,11 @@ def _text_of(path_or_name: str | Path) -> tuple[str, str]:
         raise ScenarioError(f"{name}: cannot be read: {error.strerror}") from None
 
 
+def _at_home(table: Any, source: str) -> Any:
+    """A relative mesh path starts at the scenario file."""
+    return table.model_copy(update={"path": str(Path(source).parent / table.path)}) if table.kind == "mesh" else table
+
+
 def _apply(override: str, data: dict[str, Any]) -> None:
     """Set one `a.b.0.c=value` in parsed data; the value is TOML, or else a plain text."""
     key, equals, text = override.partition("=")
@@ -145,7 +151,7 @@ def _index(rows: list[Any], part: str, who: str) -> int:
 
 
 def _line(source: str, detail: Any) -> str:
-    key, kind, value = _dotted(detail["loc"]), detail["type"], detail["input"]
+    key, kind, value = _key(detail["loc"]), detail["type"], detail["input"]
     if kind == "missing":
         return f"{source}: {key} is required"
     if kind == "extra_forbidden":
@@ -160,6 +166,10 @@ def _rule(kind: str, detail: Any) -> str:
     for bound, sign in (("gt", ">"), ("ge", ">="), ("lt", "<"), ("le", "<=")):
         if bound in context:
             return f"must be {sign} {context[bound]:g}"
+    if kind == "union_tag_invalid":
+        return f"must have a kind of {context['expected_tags']}"
+    if kind == "union_tag_not_found":
+        return "must have a key kind"
     if kind == "literal_error":
         return f"must be {context['expected']}"
     if kind in ("too_long", "string_too_long"):
@@ -169,15 +179,20 @@ def _rule(kind: str, detail: Any) -> str:
 
 def _known_keys(location: Sequence[int | str]) -> list[str]:
     """Keys of the table at a location of the scenario's models."""
-    model: type[BaseModel] = Scenario
+    models: list[type[BaseModel]] = [Scenario]
     for part in location:
         if isinstance(part, int):
             continue
-        inner = list(_models_in(model.model_fields[part].annotation)) if part in model.model_fields else []
-        if not inner:
-            return []
-        model = inner[0]
-    return list(model.model_fields)
+        kinds = [model for model in models if part in _kinds(model)]
+        fields = [model.model_fields[part] for model in models if part in model.model_fields]
+        models = kinds or [inner for field in fields for inner in _models_in(field.annotation)]
+    return sorted({name for model in models for name in model.model_fields})
+
+
+def _kinds(model: type[BaseModel]) -> tuple[str, ...]:
+    """Values of `kind` that choose this model among those that may stand in one place."""
+    field = model.model_fields.get("kind")
+    return getattr(field.annotation, "__args__", ()) if field else ()
 
 
 def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
@@ -217,8 +232,10 @@ def _touches(reads: Sequence[str], bad_keys: set[str]) -> bool:
     )
 
 
-def _dotted(location: Sequence[int | str]) -> str:
-    return ".".join(str(part) for part in location)
+def _key(location: Sequence[int | str]) -> str:
+    """Key as it stands in the file: pydantic puts a structure's kind between its number and its field."""
+    parts = [part for i, part in enumerate(location) if not (i == 2 and location[0] == "structure")]
+    return ".".join(str(part) for part in parts)
 
 
 def _shown(value: object) -> str:

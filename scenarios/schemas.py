@@ -15,5 +15,6 @@ def schema(name: str) -> dict[str, Any]:
     """Return the JSON Schema of scenario.toml, result.json or truth.json."""
     if name == "result":
         return result_schema()
-    model: type[BaseModel] = {"scenario": Scenario, "truth": Truth}[name]
+    models: dict[str, type[BaseModel]] = {"scenario": Scenario, "truth": Truth}
+    model = models[name]
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **model.model_json_schema()}

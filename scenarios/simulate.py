@@ -38,5 +38,5 @@ def simulate(scenario: Scenario) -> SimulatedClip:
         add_noise(frames, field, sensor, exposure_s=whole.recording.exposure_s, seed=whole.seed, camera=camera).frames
         for camera, frames in zip(CAMERAS, (clean.left, clean.right), strict=True)
     ]
-    truth = state_truth(whole, clean, simcam.ground_truth(scene, rig, recording), rig)
+    truth = state_truth(whole, clean, simcam.ground_truth(scene, rig, recording))
     return SimulatedClip(whole, noisy[0], noisy[1], believed_rig(whole), truth)

@@ -36,7 +36,7 @@ def test_hits_only_brighten_and_their_table_counts_them(footage, tmp_path):
         before, after = read(footage / f"shot{number}.png"), read(tmp_path / "out" / f"shot{number}.png")
         assert (after >= before).all()
         assert (after > before).any()
-    rows = list(csv.DictReader((tmp_path / "out" / "hits.csv").open()))
+    rows = list(csv.DictReader((tmp_path / "out" / "hits.csv").read_text().splitlines()))
     assert f"{len(rows)} hits" in result.output
     # tracks per cm2 per Gy (1.129e9) times area, dose and three frames, within 5 standard errors
     expected = 1.129e9 * (80 * 3e-4) * (60 * 3e-4) * 200 * 0.1 / 3600 * 3
