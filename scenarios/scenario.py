@@ -119,7 +119,7 @@ class LampTable(Model):
 
     position_m: Point = (-2.3, 0.0, 0.4)
     radius_m: float = Field(0.1, gt=0.0, le=1.0)
-    power_w: float = Field(190.0, gt=0.0, le=100_000.0)
+    power_w: float = Field(170.0, gt=0.0, le=100_000.0)
 
 
 class BoxTable(Model):
@@ -189,7 +189,7 @@ class LayoutTable(Drip):
 
     n_leaks: int = Field(3, ge=0, le=MAX_LEAKS)
     min_separation_m: float = Field(0.5, ge=0.0, le=10.0)
-    wall_margin_m: float = Field(0.1, ge=0.0, le=10.0, description="least distance of a leak from the wall")
+    wall_margin_m: float = Field(0.2, ge=0.0, le=10.0, description="least distance of a leak from the wall")
 
 
 class Scenario(Model):

@@ -3,9 +3,11 @@
 import tomllib
 
 import pytest
+from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 
+from scenarios.cli import main
 from scenarios.leaks import resolved
 from scenarios.rules import violations
 from scenarios.scenario import Scenario
@@ -59,6 +61,9 @@ def test_a_bad_scenario_gives_one_line_with_file_key_value_and_rule(tmp_path, te
     assert lines[0].startswith(str(path))
     for word in words:
         assert word in lines[0]
+    result = CliRunner().invoke(main, ["simulate", str(path), "-o", str(tmp_path / "clip")])
+    assert (result.exit_code, result.output) == (2, f"Error: {lines[0]}\n")
+    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_all_mistakes_are_reported_at_once_rules_between_values_included(tmp_path):
