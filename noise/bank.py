@@ -166,7 +166,3 @@ def read_bank() -> TrackBank:
     if bank_hash(bank) != expected:
         raise ValueError(f"read_bank: {SHIPPED.name} does not match its hash {expected}: make it again")
     return bank
-
-
-if __name__ == "__main__":  # python -m noise.bank makes the shipped bank again
-    write_bank(make_bank(BankKey()), SHIPPED)

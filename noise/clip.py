@@ -90,15 +90,24 @@ def noisy_frame(frames: Array | Frames, irradiation: Irradiation, key: Key) -> t
     sensor = irradiation.sensor
     source = shown(sensor, key)
     hits = irradiation.draw(source)
-    mean_e = frames[source.frame]
-    if mean_e.dtype != np.float32:
-        mean_e = electrons_table(sensor)[mean_e]
-    grey = expose(mean_e, hits.charge_e, sensor, irradiation.exposure_s, source)
+    grey = expose(electrons_in(frames[source.frame], sensor), hits.charge_e, sensor, irradiation.exposure_s, source)
     if sensor.jpeg_quality is not None:
         grey = through_jpeg(grey, sensor.jpeg_quality)
     if source.frame != key.frame:
         hits = FrameHits(hits.charge_e, in_clip(hits.hits, key.frame), in_clip(hits.border_hits, key.frame))
     return grey, hits
+
+
+def electrons_in(frame: Array | Frames, sensor: Sensor) -> Array:
+    """Expected photo-electrons of a frame of electrons or grey."""
+    lowest, highest = (frame.min(), frame.max()) if frame.size else (0, 0)
+    if frame.dtype == np.float32:
+        if not (lowest >= 0 and np.isfinite(highest)):
+            raise ValueError(f"add_noise: electrons must be >= 0 and finite, got {lowest} to {highest}")
+        return frame
+    if highest > sensor.white_level:
+        raise ValueError(f"add_noise: grey must be at most {sensor.white_level}, got {highest}")
+    return electrons_table(sensor)[frame]
 
 
 def shown(sensor: Sensor, key: Key) -> Key:
@@ -116,10 +125,6 @@ def checked_frames(frames: Array | Frames, sensor: Sensor) -> Array | Frames:
     grey = np.dtype(np.uint8 if sensor.bits == 8 else np.uint16)
     if frames.dtype not in (np.dtype(np.float32), grey):
         raise ValueError(f"add_noise: frames must be float32 electrons or {grey} grey, got {frames.dtype}")
-    if frames.dtype != grey and frames.size and not (frames.min() >= 0 and np.isfinite(frames.max())):
-        raise ValueError(f"add_noise: electrons must be >= 0 and finite, got {frames.min()} to {frames.max()}")
-    if frames.dtype == np.uint16 and frames.size and frames.max() > sensor.white_level:
-        raise ValueError(f"add_noise: grey must be at most {sensor.white_level}, got {frames.max()}")
     return frames
 
 

@@ -18,9 +18,6 @@ from noise.sensor import Sensor
 from noise.streams import Stream
 from noise.tracks import draw_border_stamps, draw_stamps, hit_table, stamp_charge
 
-N_SYMMETRIES = 8
-"""Of the pixel grid: four turns, each mirrored or not. All are equally likely in an isotropic field, not in a beam."""
-
 
 @dataclass(frozen=True)
 class FrameHits:
@@ -76,10 +73,9 @@ class Irradiation:
     def draw_from_bank(self, mean: float, charge_e: Array, key: Key) -> FrameHits:
         """Tracks of the bank, stamped."""
         prints = self.prints()
-        n_symmetries = N_SYMMETRIES if self.field.direction is None else 1
-        inside = draw_stamps(mean, self.shape, prints.n_tracks, n_symmetries, rng=key.rng(Stream.HIT_PLACE))
+        inside = draw_stamps(mean, self.shape, prints.n_tracks, rng=key.rng(Stream.HIT_PLACE))
         per_pixel = mean / (self.shape[0] * self.shape[1])
-        around = draw_border_stamps(per_pixel, self.shape, prints, n_symmetries, rng=key.rng(Stream.BORDER))
+        around = draw_border_stamps(per_pixel, self.shape, prints, rng=key.rng(Stream.BORDER))
         stamp_charge(charge_e, inside, prints)
         stamp_charge(charge_e, around, prints)
         pitch_um = self.sensor.pitch_um

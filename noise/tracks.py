@@ -1,6 +1,7 @@
-"""The fast generator: tracks of a bank stamped at random places, sub-pixel offsets and orientations.
+"""The fast generator: tracks of a bank stamped at random places and sub-pixel offsets.
 
-Its slow definition is `noise.transport`, drawn hit by hit by `noise.direct`: same law, other draws.
+Its slow definition is `noise.transport`, drawn hit by hit by `noise.direct`: same law, other draws. Every track of the
+bank has an azimuth of its own, so its orientations are those of the field.
 """
 
 from __future__ import annotations
@@ -24,20 +25,14 @@ A last class takes the longer ones.
 
 STAMPS_AT_A_TIME = 2**16
 
-MIRRORED_AZIMUTH = np.array(
-    [[1, 0], [-1, np.pi], [-1, 0], [1, np.pi], [-1, np.pi / 2], [1, np.pi / 2], [1, -np.pi / 2], [-1, -np.pi / 2]]
-)
-"""Azimuth of a track after each symmetry: factor, offset. Number = 4 * (axes swapped) + 2 * (y turned) + (x turned)."""
-
 
 @dataclass(frozen=True)
 class Stamps:
-    """Tracks of one exposure: entry `x_px`, `y_px`, number in the bank `track`, `symmetry` of the pixel grid (0-7)."""
+    """Tracks of one exposure: entry `x_px`, `y_px` and number in the bank `track`."""
 
     x_px: Array
     y_px: Array
     track: np.ndarray
-    symmetry: np.ndarray
 
     def __len__(self) -> int:
         """Number of tracks."""
@@ -45,25 +40,22 @@ class Stamps:
 
     def where(self, rows: np.ndarray | slice) -> Stamps:
         """Some of the rows."""
-        return Stamps(self.x_px[rows], self.y_px[rows], self.track[rows], self.symmetry[rows])
+        return Stamps(self.x_px[rows], self.y_px[rows], self.track[rows])
 
 
-def draw_stamps(
-    mean_number: float, shape: tuple[int, int], n_tracks: int, n_symmetries: int, *, rng: np.random.Generator
-) -> Stamps:
+def draw_stamps(mean_number: float, shape: tuple[int, int], n_tracks: int, *, rng: np.random.Generator) -> Stamps:
     """Tracks that enter an image of (height, width): Poisson in number, uniform in place, any of the bank."""
     n = int(rng.poisson(mean_number))
     height, width = shape
     return Stamps(
         x_px=rng.random(n) * width - 0.5,
         y_px=rng.random(n) * height - 0.5,
-        track=rng.integers(0, n_tracks, n, dtype=np.int32),
-        symmetry=rng.integers(0, n_symmetries, n, dtype=np.int8),
+        track=rng.integers(0, n_tracks, n),
     )
 
 
 def draw_border_stamps(
-    per_pixel: float, shape: tuple[int, int], prints: Footprints, n_symmetries: int, *, rng: np.random.Generator
+    per_pixel: float, shape: tuple[int, int], prints: Footprints, *, rng: np.random.Generator
 ) -> Stamps:
     """Tracks that enter outside the image but near enough to reach it; without them its borders get too little dose."""
     parts = []
@@ -71,10 +63,9 @@ def draw_border_stamps(
     for margin in (*BORDER_CLASSES_PX, int(prints.reach_px.max())):
         members = np.flatnonzero((prints.reach_px > low) & (prints.reach_px <= margin))
         low = margin
-        x_px, y_px = points_around(per_pixel * len(members) / prints.n_tracks, shape, margin, rng=rng)
-        track = members[rng.integers(0, max(len(members), 1), len(x_px))] if len(members) else np.zeros(0, dtype=int)
-        symmetry = rng.integers(0, n_symmetries, len(x_px), dtype=np.int8)
-        parts.append((x_px, y_px, track.astype(np.int32), symmetry))
+        if len(members):
+            x_px, y_px = points_around(per_pixel * len(members) / prints.n_tracks, shape, margin, rng=rng)
+            parts.append((x_px, y_px, members[rng.integers(0, len(members), len(x_px))]))
     return Stamps(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
@@ -111,67 +102,51 @@ def stamp_some(charge_e: Array, stamps: Stamps, prints: Footprints) -> None:
     height, width = charge_e.shape
     column = np.floor(stamps.x_px + 0.5).astype(np.int64)
     row = np.floor(stamps.y_px + 0.5).astype(np.int64)
-    inside = (column >= SHORT_PX) & (column < width - SHORT_PX) & (row >= SHORT_PX) & (row < height - SHORT_PX)
-    inside &= prints.reach_px[stamps.track] <= SHORT_PX
-    flat = charge_e.reshape(-1)
-    hit, entry, sx, sy, swap = footprint_rows(stamps.where(inside), prints)
-    along_x, along_y = np.where(swap, width * sy, sx), np.where(swap, sx, width * sy)
-    base = row[inside] * width + column[inside]
-    pixel = prints.pixels[entry]
-    index = pixel["dx_px"] * along_x[hit]
-    index += pixel["dy_px"] * along_y[hit]
-    index += base[hit]
-    np.add.at(flat, index, pixel["charge_e"])
-    stamp_with_borders(charge_e, stamps.where(~inside), prints)
+    far = (column >= SHORT_PX) & (column < width - SHORT_PX) & (row >= SHORT_PX) & (row < height - SHORT_PX)
+    far &= prints.reach_px[stamps.track] <= SHORT_PX
+    owner, pixel = footprint_pixels(stamps.where(far), prints)
+    index = (row * width + column)[far][owner]
+    index += pixel["dy_px"] * np.int64(width)
+    index += pixel["dx_px"]
+    np.add.at(charge_e.reshape(-1), index, pixel["charge_e"])
+    stamp_near_border(charge_e, column[~far], row[~far], *footprint_pixels(stamps.where(~far), prints))
 
 
-def stamp_with_borders(charge_e: Array, stamps: Stamps, prints: Footprints) -> None:
+def stamp_near_border(
+    charge_e: Array, column: np.ndarray, row: np.ndarray, owner: np.ndarray, pixel: np.ndarray
+) -> None:
     """The same for tracks that may lie partly outside: every pixel is looked at."""
     height, width = charge_e.shape
-    hit, entry, sx, sy, swap = footprint_rows(stamps, prints)
-    pixel = prints.pixels[entry]
-    dx, dy = pixel["dx_px"], pixel["dy_px"]
-    x = np.where(swap[hit], dy, dx) * sx[hit] + np.floor(stamps.x_px + 0.5).astype(np.int64)[hit]
-    y = np.where(swap[hit], dx, dy) * sy[hit] + np.floor(stamps.y_px + 0.5).astype(np.int64)[hit]
+    x, y = column[owner] + pixel["dx_px"], row[owner] + pixel["dy_px"]
     inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
     np.add.at(charge_e.reshape(-1), y[inside] * width + x[inside], pixel["charge_e"][inside])
 
 
-def footprint_rows(
-    stamps: Stamps, prints: Footprints
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """For every pixel of every stamp its stamp and its entry in the bank; and per stamp the signs and the axis swap."""
-    swap = stamps.symmetry >= 4
-    sx = 1 - 2 * (stamps.symmetry & 1).astype(np.int64)
-    sy = 1 - (stamps.symmetry & 2).astype(np.int64)
-    # The phase before the symmetry is the one that the symmetry maps to where the track enters.
-    phase_x = phase_of(stamps.x_px, sx)
-    phase_y = phase_of(stamps.y_px, sy)
-    label = stamps.track.astype(np.int64) * PHASES**2
-    label += np.where(swap, phase_x * PHASES + phase_y, phase_y * PHASES + phase_x)
+def footprint_pixels(stamps: Stamps, prints: Footprints) -> tuple[np.ndarray, np.ndarray]:
+    """All pixels of all footprints: the row of `stamps` that each belongs to, and its PIXEL record."""
+    label = (stamps.track * PHASES + phase_of(stamps.y_px)) * PHASES + phase_of(stamps.x_px)
     count = prints.count[label]
-    hit = np.repeat(np.arange(len(stamps)), count)
-    first = prints.start[label] - np.concatenate([[0], np.cumsum(count)])[:-1]
-    return hit, np.arange(len(hit)) + first[hit], sx, sy, swap
+    owner = np.repeat(np.arange(len(stamps)), count)
+    first = prints.start[label] - (np.cumsum(count) - count)
+    entry = first[owner]
+    entry += np.arange(len(owner))
+    return owner, prints.pixels[entry]
 
 
-def phase_of(place_px: Array, sign: np.ndarray) -> np.ndarray:
-    """Quarter of its pixel that a point is in, counted from the side that the sign turns to."""
-    quarter = ((place_px + 0.5) % 1.0 * PHASES).astype(np.int64)
-    return np.where(sign > 0, quarter, PHASES - 1 - quarter)
+def phase_of(place_px: Array) -> np.ndarray:
+    """Part of its pixel that a point is in, 0 to PHASES - 1."""
+    return ((place_px + 0.5) % 1.0 * PHASES).astype(np.int64)
 
 
 def hit_table(stamps: Stamps, prints: Footprints, frame: int, pitch_um: float) -> GammaHits:
     """The truth of stamped tracks."""
     bank = prints.bank
-    factor, offset = MIRRORED_AZIMUTH[stamps.symmetry].T
-    azimuth = bank.azimuth_rad[stamps.track] * factor + offset
     return GammaHits(
         frame=np.full(len(stamps), frame, dtype=np.int32),
         x_px=stamps.x_px,
         y_px=stamps.y_px,
         length_px=bank.length_um[stamps.track] / pitch_um,
-        azimuth_rad=np.pi - (np.pi - azimuth) % (2 * np.pi),
+        azimuth_rad=bank.azimuth_rad[stamps.track],
         deposit_kev=bank.deposit_kev[stamps.track],
         charge_e=prints.track_charge_e[stamps.track],
     )
