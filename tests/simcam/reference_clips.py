@@ -1,12 +1,12 @@
 """The path-traced clips rendered again by simcam, and one measure of streaks and shadows applied to both."""
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from simcam import ImageTexture, Lamp, Leak, Pedestal, Recording, Scene, render_clip, stereo_rig
+from simcam import ImageTexture, Lamp, Leak, Pedestal, Recording, Scene, stereo_rig
 from simcam.fall import fall_depth
 from simcam.static import light_scene, static_view
 
@@ -14,6 +14,7 @@ REFERENCE = Path(__file__).parent.parent / "reference"
 VIEWS = ("left", "right")
 BOUNCES = 2  # as the clips were made
 TEXTURE_SHAPE = (1024, 2048)
+WHITE = 250  # grey of a pixel in which a path met the lamp
 BLACK = 0.02  # reflectance that a wall hidden from both cameras at least has
 
 
@@ -32,10 +33,14 @@ def linear(grey):
 
 
 def encoded(light):
-    """8-bit sRGB of light, rounded like the reference."""
+    """8-bit sRGB of light (..., height, width); every pixel is rounded at its own threshold, the same in all frames.
+
+    The texture is taken from an 8-bit picture, so without that all pixels would sit in the middle of a step.
+    """
     light = np.clip(light, 0, 1)
     curve = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
-    return np.rint(255 * curve).astype(np.uint8)
+    threshold = np.random.default_rng(0).random(light.shape[-2:])
+    return np.floor(255 * curve + threshold).astype(np.uint8)
 
 
 def described(scene, texture):
@@ -49,11 +54,15 @@ def described(scene, texture):
     return Scene(Pedestal(texture=texture), lamps, leaks, (), BOUNCES), stereo_rig(), recording
 
 
-def wall_from_medians(frames, scene):
-    """The rust that the clip does not give: reflectance of the wall from the clip's own median, where it is seen."""
-    mean = 0.25
+def wall_from_medians(frames, scene, hidden=1.0):
+    """The rust that the clip does not give: reflectance of the wall from the clip's own median, where it is seen.
+
+    Elsewhere it is the mean of what is seen, times `hidden` on the wall behind the cameras.
+    """
+    mean = 0.15
     texture = ImageTexture(np.full((1, 1), mean), mean)
-    for _ in range(3):
+    light = {view: linear(np.median(frames[view], axis=0)).ravel() for view in VIEWS}
+    for _ in range(5):
         described_scene, rig, _ = described(scene, texture)
         lit = light_scene(described_scene)
         total, count = np.zeros(TEXTURE_SHAPE), np.zeros(TEXTURE_SHAPE)
@@ -63,11 +72,14 @@ def wall_from_medians(frames, scene):
             row = (lit.pedestal.ceiling_z_m - seen.points_m[2]) / lit.pedestal.height_m * TEXTURE_SHAPE[0]
             place = (row.astype(int), np.clip(column.astype(int), 0, TEXTURE_SHAPE[1] - 1))
             now = lit.reflectance.read(lit.look(*_rays(getattr(rig, view))))
-            light = linear(np.median(frames[view], axis=0)).ravel()
-            np.add.at(total, place, light / seen.radiance.ravel() * now)
-            np.add.at(count, place, 1)
-        mean = float((total.sum() / count.sum()))
-        wall = np.where(count > 0, total / np.maximum(count, 1), mean)
+            flat = np.ravel_multi_index(place, TEXTURE_SHAPE)
+            weight = light[view] / seen.radiance.ravel() * now
+            total += np.bincount(flat, weight, total.size).reshape(TEXTURE_SHAPE)
+            count += np.bincount(flat, minlength=count.size).reshape(TEXTURE_SHAPE)
+        mean = float(total.sum() / count.sum())
+        behind = np.abs(np.linspace(-1, 1, TEXTURE_SHAPE[1])) > 0.75
+        unseen = np.where(behind, hidden * mean, mean)
+        wall = np.where(count > 0, total / np.maximum(count, 1), unseen)
         texture = ImageTexture(np.clip(wall, BLACK, 0.95), mean)
     return texture
 
@@ -151,21 +163,27 @@ def apart(windows, others):
     return [one for one in windows if not any(touches(one, other) for other in boxes)]
 
 
-def measured(frames, window, threshold):
-    """The measure, on 8-bit frames: difference from the median over the frames, at least `threshold` grey."""
-    frame, still = window.of(frames), window.of(np.median(frames, axis=0)[None].repeat(len(frames), axis=0))
-    change = np.abs(frame - still)
-    weight = np.where(change >= threshold, change, 0)
-    if not weight.any():
-        return Measure(np.nan, np.nan, np.nan, 0.0)
+def measured(frames, still, window):
+    """The measure, on 8-bit frames, against the picture without anything moving (their median).
+
+    Columns: centroid of |difference|, where it is 1 grey or more, counted as 3 at most: the reference's 96 samples per
+    pixel meet the lamp's image in a drop once in many streaks, and such a pixel is white. Ends: rows whose differences
+    sum to 2 grey. Light: of all pixels that are not white.
+    """
+    here = window.of(still[None].repeat(window.frame + 1, axis=0))
+    frame = window.of(frames)
+    change = np.abs(frame.astype(float) - here)
+    weight = np.where(change >= 1, np.minimum(change, 3), 0)
+    rows = np.flatnonzero(change.sum(axis=1) >= 2) + window.first_row
+    light = float(np.where(frame < WHITE, linear(frame) - linear(here), 0).sum())
+    if not weight.any() or rows.size == 0:
+        return Measure(np.nan, np.nan, np.nan, light)
     columns = np.arange(window.first_column, window.last_column + 1)
-    rows = np.flatnonzero(weight.any(axis=1)) + window.first_row
-    light = float((linear(frame) - linear(still)).sum())
     return Measure(float((weight.sum(axis=0) * columns).sum() / weight.sum()), rows[0], rows[-1], light)
 
 
 def _exposures(leak, recording):
-    for frame in range(recording.n_frames):
+    for frame in range(1, recording.n_frames):  # the reference's drops stand still before time 0, half of frame 0
         for released in leak.drop_times_s:
             opens, closes = recording.opens_s(frame) - released, recording.closes_s(frame) - released
             if opens > 0:
@@ -186,3 +204,61 @@ def _window(camera, key, ends, margins):
         return []
     rows_and_columns = (int(first_row), int(np.ceil(last_row)), int(first_column), int(np.ceil(last_column)))
     return [Window(*key, *rows_and_columns)]
+
+
+def compared(name, render, hidden=1.0):
+    """Measures of every streak that stands apart: rows (kind, view, leak, reference Measure, simcam Measure).
+
+    `render` is simcam's render_clip or another with its signature.
+    """
+    frames, description = read_reference(name)
+    scene, rig, recording = described(description, wall_from_medians(frames, description, hidden))
+    clip = render(scene, rig, recording)
+    rows = []
+    for view in VIEWS:
+        rendered = encoded(getattr(clip, view))
+        stills = np.median(frames[view], axis=0), np.median(rendered, axis=0)
+        drops, shadows = (windows(scene, rig, recording, view) for windows in (drop_windows, shadow_windows))
+        for kind, windows in (("drop", apart(drops, shadows)), ("shadow", apart(shadows, drops))):
+            rows += [
+                (kind, f"{name} {view}", one.leak, measured(frames[view], stills[0], one), measured(rendered, stills[1], one))
+                for one in windows
+            ]
+    return rows
+
+
+def pooled_light(name, render, hidden):
+    """Signed light summed over the streaks that stand apart, white pixels left out: per kind, [reference, simcam].
+
+    Simcam's is not rounded to grey. `render` should leave out the lamps' images in the drops: in the reference they are
+    rare white pixels, 87 times brighter than 8 bits can hold.
+    """
+    frames, description = read_reference(name)
+    scene, rig, recording = described(description, wall_from_medians(frames, description, hidden))
+    clip = render(scene, rig, recording)
+    light = {"drop": [], "shadow": []}
+    for view in VIEWS:
+        rendered, still = getattr(clip, view), static_view(scene, getattr(rig, view)).radiance
+        middle = np.median(frames[view], axis=0)
+        drops, shadows = (windows(scene, rig, recording, view) for windows in (drop_windows, shadow_windows))
+        for kind, windows in (("drop", apart(drops, shadows)), ("shadow", apart(shadows, drops))):
+            for one in windows:
+                there = np.s_[one.first_row : one.last_row + 1, one.first_column : one.last_column + 1]
+                changed = float((one.of(rendered) - still[there]).sum())
+                light[kind].append((measured(frames[view], middle, one).light, changed))
+    return {kind: np.array(rows) for kind, rows in light.items()}
+
+
+def disc_light(name):
+    """Light of the wall behind the drops of the streaks that stand apart: what an opaque black drop would take."""
+    frames, description = read_reference(name)
+    scene, rig, recording = described(description, ImageTexture(np.full((1, 1), 0.15)))
+    total = 0.0
+    for view in VIEWS:
+        camera, wall = getattr(rig, view), linear(np.median(frames[view], axis=0))
+        for one in apart(drop_windows(scene, rig, recording, view), shadow_windows(scene, rig, recording, view)):
+            leak = scene.leaks[one.leak]
+            depth_m = camera.depth(leak.position_m)
+            area_px = np.pi * (leak.drop_radius_m * camera.camera_matrix[0, 0] / depth_m) ** 2
+            total += area_px * wall[one.first_row : one.last_row, one.first_column : one.last_column].mean()
+    return total

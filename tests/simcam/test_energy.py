@@ -1,0 +1,125 @@
+"""Energy of streaks: what a drop adds does not depend on where it falls between pixels."""
+
+import numpy as np
+import pytest
+
+from simcam import (
+    Camera,
+    Lamp,
+    Leak,
+    Lens,
+    Pedestal,
+    Pose,
+    Recording,
+    Scene,
+    UniformTexture,
+    drop_mask,
+    render_view,
+    stereo_rig,
+)
+from simcam.static import static_view
+
+PEDESTAL = Pedestal(texture=UniformTexture(0.3))
+LENS = Lens(70.0, 240, 160)
+FALL_S = 0.3
+
+
+def shifted(camera, columns_px, rows_px):
+    """The same camera with its pixels moved by a fraction of a pixel."""
+    matrix = camera.camera_matrix.copy()
+    matrix[:2, 2] += columns_px, rows_px
+    return Camera(camera.width_px, camera.height_px, matrix, camera.distortion, camera.world_from_camera)
+
+
+def streak_light(camera, leak, exposure_s):
+    scene, recording = Scene(PEDESTAL, (Lamp(),), (leak,)), Recording(1, 12.0, exposure_s)
+    still = static_view(scene, camera).radiance * recording.responsivity * exposure_s
+    # shadows are left out by looking at the drop's own columns
+    covered = drop_mask(scene, camera, recording, 0) > 0
+    return float((render_view(scene, camera, recording)[0] - still)[covered].sum())
+
+
+@pytest.mark.parametrize("radius_m", [0.0165, 0.006])  # 4 px and 1.5 px wide
+def test_a_streaks_light_does_not_depend_on_its_place_between_pixels(radius_m):
+    # the lamp far to the side, so that the drop's shadow is nowhere near the drop
+    leak = Leak(0.0, 0.0, 0.3, radius_m, np.array([-FALL_S]))
+    scene, recording = Scene(PEDESTAL, (Lamp((0.0, 2.0, 0.0)),), (leak,)), Recording(1, 12.0, 0.02)
+    camera = stereo_rig(lens=LENS, baseline_m=0.1).left
+    light = []
+    for columns_px in np.linspace(0, 1, 6):
+        for rows_px in (0.0, 0.37):
+            moved = shifted(camera, columns_px, rows_px)
+            still = static_view(scene, moved).radiance * recording.responsivity * recording.exposure_s
+            change = render_view(scene, moved, recording)[0] - still
+            light.append(change[:, 90:160].sum())
+    assert np.ptp(light) < 0.02 * abs(np.mean(light))
+
+
+@pytest.mark.parametrize("columns_px", [0.0, 0.25, 0.5])
+def test_a_drop_of_1_5_px_covers_its_own_area(columns_px):
+    leak = Leak(0.0, 0.0, 0.3, 0.006, np.array([-FALL_S]))
+    camera = shifted(stereo_rig(lens=LENS, baseline_m=0.1).left, columns_px, 0.0)
+    area_px = np.pi * (0.006 * LENS.focal_px / 2.4) ** 2
+    mask = drop_mask(Scene(PEDESTAL, (Lamp(),), (leak,)), camera, Recording(1, 12.0, 0.02), 0)
+    assert mask.sum() == pytest.approx(area_px, rel=0.02)
+
+
+def test_halving_the_exposure_halves_the_streak():
+    leak = Leak(0.0, 0.0, 0.3, 0.01, np.array([-FALL_S]))
+    camera = stereo_rig(lens=LENS).left
+    whole, half = (streak_light(camera, leak, exposure_s) for exposure_s in (0.02, 0.01))
+    assert half == pytest.approx(whole / 2, rel=0.02)
+
+
+@pytest.mark.parametrize("tilt_deg", [0.0, 4.0])
+def test_a_streak_is_as_long_as_the_fall_during_the_exposure(tilt_deg):
+    leak = Leak(0.0, 0.0, 0.8, 0.004, np.array([-0.35]))
+    rig, recording = stereo_rig(pose=Pose(roll_deg=tilt_deg)), Recording(1, 12.0, 0.02)
+    mask = drop_mask(Scene(PEDESTAL, (Lamp(),), (leak,)), rig.left, recording, 0)
+    rows = np.flatnonzero(mask.max(axis=1) > 0.02)
+    heights = 0.8 - 9.81 * np.array([0.34, 0.36]) ** 2 / 2
+    (_, top), (_, bottom) = rig.left.project([[0, 0, heights[0]], [0, 0, heights[1]]])
+    radius_px = 0.004 * 685.5 / 2.4
+    assert rows[0] == pytest.approx(top - radius_px, abs=1)
+    assert rows[-1] == pytest.approx(bottom + radius_px, abs=1)
+
+
+def test_a_rolling_shutter_lengthens_a_streak_by_the_rows_delay():
+    # the drop falls with the readout, so lower rows see it later: the streak grows by 1 / (1 - speed of drop / of readout)
+    leak = Leak(0.0, 0.0, 0.8, 0.004, np.array([-0.35]))
+    camera, readout_s = stereo_rig().left, 0.02
+    lengths = []
+    for delay in (0.0, readout_s):
+        mask = drop_mask(Scene(PEDESTAL, (Lamp(),), (leak,)), camera, Recording(1, 12.0, 0.02, delay), 0)
+        lengths.append(np.ptp(np.flatnonzero(mask.max(axis=1) > 0.02)))
+    speed = 9.81 * 0.35 * 685.5 / 2.4  # rows per second
+    radius_px = 0.004 * 685.5 / 2.4
+    still, moving = (length - 2 * radius_px for length in lengths)
+    assert moving / still == pytest.approx(1 / (1 - speed * readout_s / 540), rel=0.05)
+
+
+def test_a_point_spread_keeps_the_streaks_light():
+    leak = Leak(0.0, 0.0, 0.3, 0.01, np.array([-FALL_S]))
+    camera, scene = stereo_rig(lens=LENS).left, Scene(PEDESTAL, (Lamp(),), (leak,))
+    changes = []
+    for sigma_px in (0.0, 1.5):
+        recording = Recording(1, 12.0, 0.02, psf_sigma_px=sigma_px)
+        still = render_view(Scene(PEDESTAL, (Lamp(),)), camera, recording)[0]
+        changes.append(render_view(scene, camera, recording)[0].astype(float) - still)
+    assert changes[1].sum() == pytest.approx(changes[0].sum(), rel=0.01)
+    assert changes[1].max() < 0.5 * changes[0].max()
+
+
+def test_a_drop_is_seen_only_between_its_release_and_its_landing():
+    camera, recording = stereo_rig(lens=LENS).left, Recording(1, 12.0, 0.02)
+    low = Pedestal(height_m=1.0, texture=UniformTexture(0.3))  # the floor at -0.5 m: 0.32 s below the leak
+
+    def changed(released_s):
+        leak = Leak(1.0, 0.0, 0.0, 0.01, np.array([released_s]))
+        return render_view(Scene(low, (Lamp((-2.3, 0, 0.3)),), (leak,)), camera, recording)[0]
+
+    still = changed(-10.0)
+    np.testing.assert_array_equal(changed(0.011), still)
+    np.testing.assert_array_equal(changed(-0.34), still)
+    assert np.abs(changed(-0.2) - still).max() > 0
+    assert np.abs(changed(-0.30) - still).max() > 0
