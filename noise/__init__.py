@@ -1,6 +1,10 @@
 """What radiation and the sensor add to a clip: the only randomness of the images.
 
 Dose rate in, video and the truth of every hit out: `add_noise(frames, GammaField(10.0), Sensor(), ...)`.
+
+Physics: `silicon`, `compton`, `beam`, `gamma` (closed forms), `straggling` and `transport` (the slow definition).
+Hits: `bank` and `footprints` (tracks made once), `tracks` (stamped), `direct` (each for itself), `salt`, `irradiation`.
+Sensor: `sensor`, `exposure`, `codec`. Draws: `streams`. Inverses: `bright`, `dosimetry`, `aggregate`.
 """
 
 from noise.aggregate import expected_column_sd

@@ -12,8 +12,9 @@ from noise.hits import GammaHits
 from noise.sensor import Sensor
 from noise.transport import transport
 
-MARGIN_UM = 200.0
-"""Tracks that enter this far outside the image are followed too; 1 in 10^5 reaches farther."""
+MARGIN_PER_THICKNESS = 20.0
+MARGIN_UM = 30.0
+"""Tracks that enter so far outside the image are followed too: 1 in 10 000 of a 5 um layer goes 130 um sideways."""
 
 DEPOSITS_AT_A_TIME = 100_000
 
@@ -23,11 +24,11 @@ def direct_hits(
 ) -> GammaHits:
     """Add the electrons of one exposure to an image (height, width), in place; its tracks, as of frame 0.
 
-    Tracks are a Poisson process of `per_pixel` mean entries, over the image and MARGIN_UM around it: the table has
+    Tracks are a Poisson process of `per_pixel` mean entries, over the image and a margin around it: the table has
     those outside as well.
     """
     height, width = charge_e.shape
-    margin = MARGIN_UM / sensor.pitch_um
+    margin = (MARGIN_PER_THICKNESS * key.thickness_um + MARGIN_UM) / sensor.pitch_um
     n = int(rng.poisson(per_pixel * (height + 2 * margin) * (width + 2 * margin)))
     x_px = rng.random(n) * (width + 2 * margin) - margin - 0.5
     y_px = rng.random(n) * (height + 2 * margin) - margin - 0.5

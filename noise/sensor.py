@@ -17,7 +17,8 @@ GREY_LEVELS_8_BIT = 255
 class Sensor:
     """A monochrome sensor (defaults: the project's); every effect has a value that switches it off, given below.
 
-    Geometry: `pitch_um`, sensitive `thickness_um`, `charge_diffusion_um` (sigma; 0 off). Electronics:
+    Geometry: `pitch_um`, sensitive `thickness_um` (thin: see `noise.transport`), `charge_diffusion_um` (sigma; 0 off).
+    Electronics:
     `electrons_per_grey` of an 8-bit scale (full well = 255 of them), `shot_noise` (False off), `read_noise_e` (0 off),
     `dark_e_s` per pixel (0), `hot_pixel_share` of pixels with an exponentially distributed extra dark current of mean
     `hot_pixel_e_s` (0), `row_noise_e` fresh in every frame (0), `column_noise_e` fixed for the clip (0). After it:

@@ -1,7 +1,8 @@
 """The slow definition: electrons through the sensitive layer, elastic collision by elastic collision.
 
 Single scattering (screened Rutherford) between which the energy loss fluctuates (`noise.straggling`); energy is
-deposited where it is lost. Energetic delta rays are not followed: in equilibrium as many come in as go out.
+deposited where it is lost. Energetic delta rays are not followed: in equilibrium as many come in as go out. Electrons
+born in the layer itself are left out: 2 % of the dose in 5 um at 662 keV, but 9 % in 4 um at 300 keV and 15 % in 50 um.
 """
 
 from __future__ import annotations
