@@ -64,10 +64,12 @@ def add_noise(  # noqa: PLR0913 - frames, physics and the key of the draws: the 
     Frames are float32 expected photo-electrons, or uint8 (uint16 for more bits) grey on the sensor's own scale. Every
     draw is keyed by (seed, purpose, camera, frame): a frame is the same in any clip, order and number of `workers`
     (threads; None: one per core). Frame n is at n / fps (None: 1 / exposure_s), for a dose rate that depends on time.
-    ValueError for frames of another shape or type, negative or undefined electrons, or a time that is not > 0.
+    ValueError for frames of another shape or type, electrons below 0 or undefined, times and workers that are not > 0.
     """
     frames = checked_frames(frames, sensor)
-    check_times(exposure_s, fps)
+    for name, value in (("exposure_s", exposure_s), ("fps", fps), ("workers", workers)):
+        if value is not None and not 0 < value < np.inf:
+            raise ValueError(f"add_noise: {name} must be > 0 and finite, got {value}")
     shape = (frames.shape[1], frames.shape[2])
     irradiation = Irradiation(field, sensor, shape, exposure_s, fps or 1 / exposure_s)
     out = np.empty(frames.shape, dtype=np.uint8 if sensor.bits == 8 else np.uint16)
@@ -126,10 +128,3 @@ def checked_frames(frames: Array | Frames, sensor: Sensor) -> Array | Frames:
     if frames.dtype not in (np.dtype(np.float32), grey):
         raise ValueError(f"add_noise: frames must be float32 electrons or {grey} grey, got {frames.dtype}")
     return frames
-
-
-def check_times(exposure_s: float, fps: float | None) -> None:
-    """ValueError for an exposure or a frame rate that is not > 0 and finite."""
-    for name, value in (("exposure_s", exposure_s), ("fps", fps)):
-        if value is not None and not 0 < value < np.inf:
-            raise ValueError(f"add_noise: {name} must be > 0 and finite, got {value}")

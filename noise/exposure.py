@@ -122,7 +122,7 @@ def hot_pixels(shape: tuple[int, ...], sensor: Sensor, key: Key) -> tuple[np.nda
     """Flat places and dark currents (e-/s) of a camera's hot pixels: the same in every frame of the clip."""
     rng = key.clip_rng(Stream.HOT_PIXEL)
     n_pixels = int(np.prod(shape))
-    place = rng.permutation(n_pixels)[: rng.binomial(n_pixels, sensor.hot_pixel_share)]
+    place = rng.choice(n_pixels, rng.binomial(n_pixels, sensor.hot_pixel_share), replace=False)
     return place, rng.exponential(sensor.hot_pixel_e_s, len(place))
 
 

@@ -282,6 +282,11 @@ def test_times_that_are_not_positive_are_refused(times):
         add_noise(np.zeros((1, 3, 4), np.float32), NO_GAMMA, Sensor(), seed=1, camera=0, **times)
 
 
+def test_a_number_of_workers_below_one_is_refused():
+    with pytest.raises(ValueError, match="workers"):
+        add_noise(np.zeros((1, 3, 4), np.float32), NO_GAMMA, Sensor(), exposure_s=0.1, seed=1, camera=0, workers=0)
+
+
 def test_an_empty_clip_stays_empty():
     clip = add_noise(np.zeros((0, 3, 4), np.float32), GammaField(), Sensor(), exposure_s=0.1, seed=1, camera=0)
     assert clip.frames.shape == (0, 3, 4)
