@@ -11,8 +11,8 @@ import numpy as np
 from simcam.lens import FloatArray
 from simcam.surface import read_map
 
-SHARES = 32  # tables for share = 0 .. 1/2; the shape of the overlap is the same for 1 - share
-OFFSETS = 65
+SHARES = 25  # tables for share = 0 .. 1/2; the shape of the overlap is the same for 1 - share
+OFFSETS = 49
 TRAVELS = 257
 
 
@@ -54,22 +54,29 @@ def swept_overlap_table() -> FloatArray:
     """
     share = np.linspace(0, 0.5, SHARES)[:, None, None]
     offset = np.linspace(0, 1, OFFSETS)[None, :, None]
-    travel = np.linspace(-1, 1, 4 * (TRAVELS - 1) + 1)[None, None, :]
-    separation = np.hypot(offset, travel)
+    half = np.linspace(-1, 0, 2 * (TRAVELS - 1) + 1)[None, None, :]
+    separation = np.hypot(offset, half)
     small = np.maximum(share, 1e-4)  # a point's share: the larger disc alone
     density = disc_overlap(small, 1 - small, separation) / (np.pi**2 * small**2 * (1 - small) ** 2)
-    step = 2 / (travel.size - 1)
-    swept = np.zeros_like(density)
-    swept[..., 1:] = np.cumsum((density[..., 1:] + density[..., :-1]) / 2 * step, axis=-1)
-    return swept[..., ::4].reshape(SHARES * OFFSETS, TRAVELS).astype(np.float32)
+    step = 1 / (half.size - 1)
+    before = np.zeros_like(density)
+    before[..., 1:] = np.cumsum((density[..., 1:] + density[..., :-1]) / 2 * step, axis=-1)
+    before = before[..., ::4]  # the drop comes as it goes: the second half mirrors the first
+    swept = np.concatenate([before, 2 * before[..., -1:] - before[..., -2::-1]], axis=-1)
+    return swept.reshape(SHARES * OFFSETS, TRAVELS).astype(np.float32)
 
 
-def swept_overlap(share: FloatArray, offset: FloatArray, travel: FloatArray) -> FloatArray:
-    """Fast path: bilinear look-up (n,) of the integral of the normalised overlap over travel, see the table.
+def table_row(share: FloatArray, offset: FloatArray) -> FloatArray:
+    """Row (n,) of `swept_overlap_table` for a ratio of discs and a miss."""
+    nearest = np.rint(np.minimum(share, 1 - share) * (2 * (SHARES - 1)))
+    return nearest * OFFSETS + np.clip(np.abs(offset), 0, 1) * (OFFSETS - 1)
+
+
+def swept_overlap(row: FloatArray, travel: FloatArray) -> FloatArray:
+    """Fast path: bilinear look-up of the integral of the normalised overlap over travel -1 .. 1 (..., n), row (n,).
 
     Slow definition: integral from -1 to `travel` of disc_overlap(s, 1 - s, hypot(offset, t)) / (pi s (1 - s))^2 dt.
     """
-    nearest = np.rint(np.minimum(share, 1 - share) * (2 * (SHARES - 1)))
-    row = nearest * OFFSETS + np.clip(np.abs(offset), 0, 1) * (OFFSETS - 1)
-    column = (np.clip(travel, -1, 1) + 1) * ((TRAVELS - 1) / 2)
-    return read_map(swept_overlap_table(), column, row)
+    column = (travel + np.float32(1)) * np.float32((TRAVELS - 1) / 2)
+    rows = np.broadcast_to(row, column.shape)
+    return read_map(swept_overlap_table(), column.ravel(), rows.ravel()).reshape(column.shape)

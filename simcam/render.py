@@ -17,7 +17,7 @@ from simcam.path import landing_m
 from simcam.recording import Recording
 from simcam.rig import StereoRig
 from simcam.scene import Leak, Scene
-from simcam.shadows import ShadowTable, expose_shadow, shadow_table
+from simcam.shadows import ShadowTable, expose_shadow, shadow_tables
 from simcam.static import LitScene, StaticView, light_scene, static_view
 from simcam.streaks import StreakTable, expose_drop, streak_table
 
@@ -46,8 +46,7 @@ def render_view(scene: Scene, camera: Camera, recording: Recording) -> FloatArra
     frames = np.repeat(still[None], recording.n_frames, axis=0)
     delays_s = recording.row_delays_s(camera.height_px)
     for frame in range(recording.n_frames):
-        opens_s, closes_s = recording.opens_s(frame) + delays_s, recording.closes_s(frame) + delays_s
-        change = _change(moving, still.size, opens_s, closes_s)
+        change = _change(moving, still.size, recording.opens_s(frame) + delays_s, recording.closes_s(frame) + delays_s)
         change *= np.float32(recording.responsivity)
         frames[frame] += _blurred(change.reshape(still.shape), recording.psf_sigma_px)
     return np.maximum(frames, 0, out=frames)
@@ -64,20 +63,19 @@ class _Moving:
 
 
 def _leak_tables(lit: LitScene, view: StaticView, camera: Camera, leak: Leak) -> _Moving:
-    shadows = [shadow_table(lit, view, leak, index) for index in range(len(lit.lamps))]
+    shadows = [table for index in range(len(lit.lamps)) for table in shadow_tables(lit, view, leak, index)]
     fall_s = float(fall_time(landing_m(lit, leak)))
-    kept = [table for table in shadows if table is not None]
-    return _Moving(leak, fall_s, streak_table(lit, view, camera, leak), kept)
+    return _Moving(leak, fall_s, streak_table(lit, view, camera, leak), shadows)
 
 
 def _change(moving: list[_Moving], size: int, opens_s: FloatArray, closes_s: FloatArray) -> FloatArray:
     """What the drops add to a flat image (size,), radiance times seconds, in exposures (height,) per row."""
     change = np.zeros(size, np.float32)
+    first_s, last_s = opens_s.min(), closes_s.max()
     for leak in moving:
-        for released_s in leak.leak.drop_times_s:
+        released = leak.leak.drop_times_s
+        for released_s in released[(released < last_s) & (released + leak.fall_s > first_s)]:
             opens, closes = opens_s - released_s, closes_s - released_s
-            if closes.max() <= 0 or opens.min() >= leak.fall_s:
-                continue
             landed = np.minimum(closes, leak.fall_s)
             if leak.streak is not None:
                 expose_drop(change, leak.streak, np.maximum(opens, 0), np.maximum(landed, 0))

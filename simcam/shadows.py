@@ -14,57 +14,113 @@ import numpy as np
 from simcam.fall import GRAVITY_M_S2, fall_depth, fall_time
 from simcam.lens import FloatArray
 from simcam.path import landing_m
-from simcam.penumbra import swept_overlap
+from simcam.penumbra import swept_overlap, table_row
 from simcam.scene import Lamp, Leak
 from simcam.static import LitScene, StaticView
 from simcam.structures import IndexArray
+
+SAMPLES_PER_RADIUS = 4.0
+MAX_PLACES = 4
+JUMP = 8.0  # times the median step from pixel to pixel: the edge of structure
 
 
 @dataclass(frozen=True)
 class ShadowTable:
     """Pixels that a leak's drops can shade from one lamp, by the depth of fall at which they do (all (n,), sorted).
 
-    pixel flat index; depth_m below the leak at the darkest moment; reach_m half the depth over which it is shaded;
-    offset and share of `penumbra`; light: radiance lost per metre of fall at normalised overlap 1, W m^-2 sr^-1.
+    pixel flat index and its row; depth_m below the leak at the darkest moment; reach_m half the depth over which it is
+    shaded, widest_m its maximum; overlap_row in the table of `penumbra`; light: radiance lost per metre of fall at
+    normalised overlap 1, W m^-2 sr^-1.
     """
 
     pixel: IndexArray
+    row: IndexArray
     depth_m: FloatArray
     reach_m: FloatArray
-    offset: FloatArray
-    share: FloatArray
+    overlap_row: FloatArray
     light: FloatArray
     landing_m: float
+    widest_m: float
 
 
-def shadow_table(lit: LitScene, view: StaticView, leak: Leak, lamp_index: int) -> ShadowTable | None:
-    """Table of one leak, lamp and view; None when no pixel can be shaded."""
+def shadow_tables(lit: LitScene, view: StaticView, leak: Leak, lamp_index: int) -> list[ShadowTable]:
+    """Tables of one leak, lamp and view, one per place in the pixel's square; none when no pixel can be shaded.
+
+    A soft shadow is taken at the pixels' centres; one only a few pixels wide at several places, whose mean it is.
+    """
     lamp = lit.lamps[lamp_index]
     pixel = _between_leak_and_lamp(view, leak, lamp)
     pixel = pixel[view.direct[lamp_index, pixel] > 0]
     if pixel.size == 0:
-        return None
-    point_m = view.points_m[:, pixel].astype(float)
+        return []
+    across_m, down_m = _pixel_steps(view, pixel)
+    places = _places_in_pixel(view, pixel, leak, lamp, across_m)
+    share = np.float32(1 / len(places) ** 2)
+    centre_m, landing = view.points_m[:, pixel].astype(float), landing_m(lit, leak)
+    tables = [
+        _table(view, pixel, centre_m + right * across_m + below * down_m, leak, (lamp_index, lamp, landing, share))
+        for right in places
+        for below in places
+    ]
+    return [table for table in tables if table is not None]
+
+
+def _pixel_steps(view: StaticView, pixel: IndexArray) -> tuple[FloatArray, FloatArray]:
+    """Metres (3, n) on the seen surface from a pixel to the next one right and below; 0 across a jump in depth."""
+    height, width = view.radiance.shape
+    points_m = view.points_m.reshape(3, height, width)
+    row, column = np.divmod(pixel, width)
+    left, right = np.maximum(column - 1, 0), np.minimum(column + 1, width - 1)
+    above, below = np.maximum(row - 1, 0), np.minimum(row + 1, height - 1)
+    steps = []
+    for step, count in (
+        (points_m[:, row, right] - points_m[:, row, left], right - left),
+        (points_m[:, below, column] - points_m[:, above, column], below - above),
+    ):
+        length = np.sqrt(np.sum(step * step, axis=0))
+        steps.append(step / count * (length < JUMP * np.median(length)))
+    return steps[0], steps[1]
+
+
+def _places_in_pixel(view: StaticView, pixel: IndexArray, leak: Leak, lamp: Lamp, across_m: FloatArray) -> FloatArray:
+    """Offsets from the centre in px: so many that they lie closer than a quarter of the drop's shadow."""
+    away_m = np.hypot(*(view.points_m[:2, pixel] - np.array(lamp.position_m[:2], np.float32)[:, None])).max()
+    leak_m = max(float(np.hypot(leak.x_m - lamp.position_m[0], leak.y_m - lamp.position_m[1])), lamp.radius_m)
+    shadow_m = leak.drop_radius_m * away_m / leak_m + lamp.radius_m * max(away_m / leak_m - 1, 0)
+    pixel_m = float(np.median(np.sqrt(np.sum(across_m * across_m, axis=0))))
+    count = int(np.clip(np.ceil(SAMPLES_PER_RADIUS * pixel_m / shadow_m), 1, MAX_PLACES))
+    return (np.arange(count) + 0.5) / count - 0.5
+
+
+def _table(
+    view: StaticView,
+    pixel: IndexArray,
+    point_m: FloatArray,
+    leak: Leak,
+    lit_by: tuple[int, Lamp, float, np.float32],
+) -> ShadowTable | None:
+    """Table of points (3, n) in pixels (n,), each a share of its pixel."""
+    lamp_index, lamp, landing, share = lit_by
     to_lamp = np.asarray(lamp.position_m)[:, None] - point_m
     flat_m = np.hypot(to_lamp[0], to_lamp[1])
     along = ((leak.x_m - point_m[0]) * to_lamp[0] + (leak.y_m - point_m[1]) * to_lamp[1]) / flat_m**2
     miss_m = ((leak.x_m - point_m[0]) * to_lamp[1] - (leak.y_m - point_m[1]) * to_lamp[0]) / flat_m
     cos_elevation = flat_m / np.sqrt(flat_m**2 + to_lamp[2] ** 2)
-    disc_m = lamp.radius_m * along  # the lamp's, in the plane of the drop
-    both_m = disc_m + leak.drop_radius_m
+    both_m = lamp.radius_m * np.maximum(along, 0) + leak.drop_radius_m  # radii in the plane of the drop
     depth_m = leak.z_m - (point_m[2] + along * to_lamp[2])
     reach_m = both_m / cos_elevation
-    landing = landing_m(lit, leak)
-    kept = np.flatnonzero((np.abs(miss_m) < both_m) & (depth_m > -reach_m) & (depth_m < landing + reach_m))
+    between = (along > 0) & (along < 1) & (np.abs(miss_m) < both_m)
+    kept = np.flatnonzero(between & (depth_m > -reach_m) & (depth_m < landing + reach_m))
     if kept.size == 0:
         return None
     kept = kept[np.argsort(depth_m[kept], kind="stable")]
     # the overlap integrates to the drop's area: its share of the lamp's disc, spread over the plane in units of both_m
-    strength = np.pi * leak.drop_radius_m**2 / both_m**2
+    strength = share * np.pi * leak.drop_radius_m**2 / both_m**2
     light = view.direct[lamp_index, pixel] * strength * reach_m
-    columns = (depth_m, reach_m, miss_m / both_m, leak.drop_radius_m / both_m, light)
-    depth, reach, offset, share, lost = (column[kept].astype(np.float32) for column in columns)
-    return ShadowTable(pixel[kept], depth, reach, offset, share, lost, landing)
+    columns = (depth_m, reach_m, table_row(leak.drop_radius_m / both_m, miss_m / both_m), light)
+    depth, reach, overlap_row, lost = (column[kept].astype(np.float32) for column in columns)
+    row = pixel[kept] // view.radiance.shape[1]
+    return ShadowTable(pixel[kept], row, depth, reach, overlap_row, lost, landing, float(reach.max()))
 
 
 def _between_leak_and_lamp(view: StaticView, leak: Leak, lamp: Lamp) -> IndexArray:
@@ -88,24 +144,18 @@ def expose_shadow(image: FloatArray, table: ShadowTable, opens_s: FloatArray, cl
 
     `opens_s`, `closes_s` (height,): the rows' exposure in time since the drop's release.
     """
-    width = image.size // len(opens_s)
-    depth_open = np.minimum(fall_depth(opens_s), table.landing_m)
-    depth_close = np.minimum(fall_depth(closes_s), table.landing_m)
-    widest = float(table.reach_m.max())
-    first = np.searchsorted(table.depth_m, depth_open.min() - widest)
-    last = np.searchsorted(table.depth_m, depth_close.max() + widest)
-    if last <= first or depth_close.max() <= 0:
+    depth_open = np.minimum(fall_depth(opens_s), table.landing_m).astype(np.float32)
+    depth_close = np.minimum(fall_depth(closes_s), table.landing_m).astype(np.float32)
+    deepest = depth_close.max()
+    if deepest <= 0:
         return
+    first, last = np.searchsorted(table.depth_m, (depth_open.min() - table.widest_m, deepest + table.widest_m))
     part = slice(first, last)
-    pixel, middle, reach = table.pixel[part], table.depth_m[part], table.reach_m[part]
-    row = pixel // width
-    opened, closed = depth_open[row].astype(np.float32), depth_close[row].astype(np.float32)
-    enters = np.clip(opened, middle - reach, middle + reach)
-    leaves = np.clip(closed, middle - reach, middle + reach)
-    share, offset = table.share[part], table.offset[part]
-    overlap = swept_overlap(share, offset, (leaves - middle) / reach)
-    overlap -= swept_overlap(share, offset, (enters - middle) / reach)
-    image[pixel] -= table.light[part] * overlap / _mean_speed(enters, leaves)
+    row, middle, reach = table.row[part], table.depth_m[part], table.reach_m[part]
+    ends = np.stack([depth_open[row], depth_close[row]])
+    travel = np.clip((ends - middle) / reach, -1, 1)
+    enters, leaves = swept_overlap(table.overlap_row[part], travel)
+    image[table.pixel[part]] -= table.light[part] * (leaves - enters) / _mean_speed(*(middle + travel * reach))
 
 
 def _mean_speed(enters_m: FloatArray, leaves_m: FloatArray) -> FloatArray:

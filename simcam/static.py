@@ -14,6 +14,7 @@ from simcam.lens import FloatArray
 from simcam.light import LAMP_SAMPLES, lamp_visibility, open_irradiance
 from simcam.radiosity import bounced_irradiance
 from simcam.scene import Lamp, Pedestal, Scene
+from simcam.structures import IndexArray
 from simcam.surface import STRUCTURE, MapReader, Obstacles, Surface, build_obstacles, trace
 
 CACHED_SCENES = 4
@@ -127,17 +128,21 @@ def cast_view(lit: LitScene, camera: Camera) -> StaticView:
     surface = lit.look(origin_m, directions)
     direct = lit.direct_radiance(surface, LAMP_SAMPLES)
     radiance = direct.sum(axis=0) + lit.bounced_radiance(surface)
+    range_m = surface.distance_m.copy()
     for lamp in lit.lamps:
-        seen = _sees_lamp(lamp, origin_m, directions, surface.distance_m)
-        radiance[seen] = lamp.radiance_w_m2_sr
+        seen, lamp_range_m = _sees_lamp(lamp, origin_m, directions, range_m)
+        radiance[seen], range_m[seen] = lamp.radiance_w_m2_sr, lamp_range_m
         direct[:, seen] = 0
     shape = (camera.height_px, camera.width_px)
-    return StaticView(radiance.reshape(shape), direct, surface.points_m, surface.distance_m.reshape(shape))
+    return StaticView(radiance.reshape(shape), direct, surface.points_m, range_m.reshape(shape))
 
 
-def _sees_lamp(lamp: Lamp, origin_m: FloatArray, directions: FloatArray, distance_m: FloatArray) -> FloatArray:
-    """Indices of the rays that meet the lamp's sphere before anything else."""
+def _sees_lamp(
+    lamp: Lamp, origin_m: FloatArray, directions: FloatArray, distance_m: FloatArray
+) -> tuple[IndexArray, FloatArray]:
+    """Indices of the rays that meet the lamp's sphere before anything else, and how far along them."""
     to_lamp = (np.asarray(lamp.position_m) - origin_m[:, 0]).astype(np.float32)
     along = to_lamp @ directions
     missed_by = np.maximum(to_lamp @ to_lamp - along * along, 0)
-    return np.flatnonzero((missed_by < lamp.radius_m**2) & (along > 0) & (along < distance_m))
+    seen = np.flatnonzero((missed_by < lamp.radius_m**2) & (along > 0) & (along < distance_m))
+    return seen, along[seen]

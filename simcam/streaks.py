@@ -20,7 +20,7 @@ from simcam.scene import Leak
 from simcam.static import LitScene, StaticView
 from simcam.structures import IndexArray
 
-MIN_STRIPS, MAX_STRIPS = 16, 96
+MIN_STRIPS, MAX_STRIPS = 24, 96
 STRIPS_PER_PX = 4.0  # a drop that hardly moves would show coarser strips as bands
 NODES = 33  # places on the path where the optics are evaluated; between them they are interpolated
 
@@ -30,13 +30,16 @@ class StreakTable:
     """A leak in a view, rows from `first_row`: crossing_s (rows + 1, lines), time since release at which each line
 
     crosses the rows' upper borders (the last: the lower border of the last row); light (rows, lines, columns), what
-    a line adds to a pixel while it is in its row, W m^-2 sr^-1; pixels (rows, columns) flat indices of the image.
+    a line adds to a pixel while it is in its row, W m^-2 sr^-1; pixels (rows, columns) flat indices of the image;
+    earliest_s, latest_s (rows,): when the first line enters a row and the last one leaves it.
     """
 
     first_row: int
     crossing_s: FloatArray
     light: FloatArray
     pixels: IndexArray
+    earliest_s: FloatArray
+    latest_s: FloatArray
 
 
 @dataclass(frozen=True)
@@ -137,7 +140,8 @@ def _light_table(
     in_front = rows_path.range_m[:, None] < view.range_m.reshape(-1)[pixels] + leak.drop_radius_m
     shown = in_front & (column >= 0) & (column < width)
     light *= (square_px[:, None] * shown)[:, None, :]
-    return StreakTable(first_row, crossing_s, light.astype(np.float32), pixels)
+    earliest_s, latest_s = crossing_s[:-1].min(axis=1), crossing_s[1:].max(axis=1)
+    return StreakTable(first_row, crossing_s, light.astype(np.float32), pixels, earliest_s, latest_s)
 
 
 def _per_column(lines: Lines, swept: _Swept, first_column: FloatArray, columns: int) -> tuple[FloatArray, FloatArray]:
@@ -163,8 +167,7 @@ def expose_drop(image: FloatArray, table: StreakTable, opens_s: FloatArray, clos
     """
     last_row = table.first_row + len(table.light)
     opens, closes = opens_s[table.first_row : last_row], closes_s[table.first_row : last_row]
-    latest, earliest = table.crossing_s[1:].max(axis=1), table.crossing_s[:-1].min(axis=1)
-    rows = np.flatnonzero((latest > opens) & (earliest < closes))
+    rows = np.flatnonzero((table.latest_s > opens) & (table.earliest_s < closes))
     if rows.size == 0:
         return
     part = slice(rows[0], rows[-1] + 1)

@@ -1,8 +1,8 @@
 """The definition that simcam's fast path is held to: every ray of every frame, at many moments of the exposure.
 
-A pixel's static radiance and its shadow are taken at its centre, a drop by a grid of rays over the pixel's square, each
-through the sphere on its own way; only the lamps' images in a drop, a hundredth of a pixel wide, are placed in closed
-form, at every moment anew. Nothing is cached, interpolated, tabulated or swept.
+A pixel's static radiance is taken at its centre, shadows and drops by a grid of rays over the pixel's square, each drop
+ray through the sphere on its own way; only the lamps' images in a drop, a hundredth of a pixel wide, are placed in
+closed form, at every moment anew. Nothing is cached, interpolated, tabulated or swept.
 """
 
 import numpy as np
@@ -11,9 +11,10 @@ from simcam.dropview import drop_glints, own_shadow
 from simcam.fall import fall_depth
 from simcam.optics import ORDERS, path_through_drop
 from simcam.path import _followed, landing_m
-from simcam.penumbra import blocked_share
 from simcam.static import cast_view, light_scene
 from simcam.surface import Surface
+
+SHADOW_PLACES = (-1 / 3, 0.0, 1 / 3)  # px
 
 
 class BruteForce:
@@ -23,7 +24,14 @@ class BruteForce:
         self.scene, self.camera, self.recording = scene, camera, recording
         self.moments, self.across = moments, across
         self.lit = light_scene(scene)
+        self.places = [self._surface(right, below) for right in SHADOW_PLACES for below in SHADOW_PLACES]
         self.landings = [landing_m(self.lit, leak) for leak in scene.leaks]
+
+    def _surface(self, right_px, below_px):
+        """What the pixels see beside their centres."""
+        columns, rows = np.arange(self.camera.width_px) + right_px, np.arange(self.camera.height_px) + below_px
+        rays = self.camera.rays(np.stack(np.meshgrid(columns, rows), axis=-1)).reshape(-1, 3).T.astype(np.float32)
+        return self.lit.look(self.camera.centre_world_m.astype(np.float32)[:, None], rays)
 
     def frame(self, index):
         """Expected photo-electrons (height, width) of one frame; the shutter must be global and the lens sharp."""
@@ -42,9 +50,10 @@ class BruteForce:
         drops = list(self.falling(time_s))
         for centre_m, radius_m in drops:
             for lamp, direct in zip(self.lit.lamps, view.direct, strict=True):
-                lit_points = view.points_m.T.astype(float)
-                share = blocked_share(lit_points, np.array(lamp.position_m), lamp.radius_m, centre_m, radius_m)
-                radiance -= direct * share
+                for surface in self.places:
+                    drops_m = np.repeat(centre_m[None], surface.kind.size, axis=0)
+                    share = own_shadow(surface, np.array(lamp.position_m), lamp.radius_m, drops_m, radius_m)
+                    radiance -= direct * share / len(self.places)
         image = radiance.reshape(view.radiance.shape)
         for centre_m, radius_m in drops:
             self._place(image, view, centre_m, radius_m)

@@ -221,7 +221,13 @@ def compared(name, render, hidden=1.0):
         drops, shadows = (windows(scene, rig, recording, view) for windows in (drop_windows, shadow_windows))
         for kind, windows in (("drop", apart(drops, shadows)), ("shadow", apart(shadows, drops))):
             rows += [
-                (kind, f"{name} {view}", one.leak, measured(frames[view], stills[0], one), measured(rendered, stills[1], one))
+                (
+                    kind,
+                    f"{name} {view}",
+                    one.leak,
+                    measured(frames[view], stills[0], one),
+                    measured(rendered, stills[1], one),
+                )
                 for one in windows
             ]
     return rows

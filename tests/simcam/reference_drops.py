@@ -46,7 +46,9 @@ def close_ups():
         leak = Leak(x, y, z + 9.81 * FALLING_S**2 / 2, description["drop_radius_m"], np.array([-FALLING_S]))
         scene = Scene(pedestal, (lamp,), (leak,), (), 0)
         ours = render_view(scene, camera, Recording(1, 1.0, exposure_s, responsivity=1 / exposure_s))[0]
-        centre = tuple((np.array(crop["centre_px"]) - (crop["first_column_px"], crop["first_row_px"])) / crop["pixel_step_px"])
+        centre = tuple(
+            (np.array(crop["centre_px"]) - (crop["first_column_px"], crop["first_row_px"])) / crop["pixel_step_px"]
+        )
         radius = description["drop_radius_m"] * camera.camera_matrix[0, 0] / depth_m
         path = lamp.radiance_w_m2_sr / description["samples_per_px"]
         yield CloseUp(key, reference, wall, ours, static_view(scene, camera).radiance, centre, radius, path)

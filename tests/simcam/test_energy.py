@@ -15,9 +15,11 @@ from simcam import (
     UniformTexture,
     drop_mask,
     render_view,
+    shadow_mask,
     stereo_rig,
 )
-from simcam.static import static_view
+from simcam.static import light_scene, static_view
+from simcam.streaks import expose_drop, streak_table
 
 PEDESTAL = Pedestal(texture=UniformTexture(0.3))
 LENS = Lens(70.0, 240, 160)
@@ -39,20 +41,28 @@ def streak_light(camera, leak, exposure_s):
     return float((render_view(scene, camera, recording)[0] - still)[covered].sum())
 
 
-@pytest.mark.parametrize("radius_m", [0.0165, 0.006])  # 4 px and 1.5 px wide
-def test_a_streaks_light_does_not_depend_on_its_place_between_pixels(radius_m):
-    # the lamp far to the side, so that the drop's shadow is nowhere near the drop
-    leak = Leak(0.0, 0.0, 0.3, radius_m, np.array([-FALL_S]))
-    scene, recording = Scene(PEDESTAL, (Lamp((0.0, 2.0, 0.0)),), (leak,)), Recording(1, 12.0, 0.02)
-    camera = stereo_rig(lens=LENS, baseline_m=0.1).left
-    light = []
+@pytest.mark.parametrize("width_px", [1.5, 4.0])
+def test_a_streaks_light_does_not_depend_on_its_place_between_pixels(width_px):
+    leak = Leak(0.0, 0.0, 0.3, width_px / 2 * 2.4 / LENS.focal_px, np.array([-FALL_S]))
+    scene, light = Scene(PEDESTAL, (Lamp(),), (leak,)), []
     for columns_px in np.linspace(0, 1, 6):
         for rows_px in (0.0, 0.37):
-            moved = shifted(camera, columns_px, rows_px)
-            still = static_view(scene, moved).radiance * recording.responsivity * recording.exposure_s
-            change = render_view(scene, moved, recording)[0] - still
-            light.append(change[:, 90:160].sum())
+            camera = shifted(stereo_rig(lens=LENS).left, columns_px, rows_px)
+            table = streak_table(light_scene(scene), static_view(scene, camera), camera, leak)
+            image = np.zeros(LENS.height_px * LENS.width_px, np.float32)
+            expose_drop(image, table, np.full(LENS.height_px, FALL_S - 0.01), np.full(LENS.height_px, FALL_S + 0.01))
+            light.append(image.sum(dtype=float))
     assert np.ptp(light) < 0.02 * abs(np.mean(light))
+
+
+def test_a_shadows_light_does_not_depend_on_its_place_between_pixels():
+    leak = Leak(0.0, 0.0, 0.6, 0.01, np.array([-FALL_S]))
+    scene, recording = Scene(PEDESTAL, (Lamp(),), (leak,)), Recording(1, 12.0, 0.02)
+    light = [
+        shadow_mask(scene, shifted(stereo_rig(lens=LENS).left, columns_px, 0.3), recording, 0).sum(dtype=float)
+        for columns_px in np.linspace(0, 1, 6)
+    ]
+    assert np.ptp(light) < 0.02 * np.mean(light)
 
 
 @pytest.mark.parametrize("columns_px", [0.0, 0.25, 0.5])
@@ -76,7 +86,7 @@ def test_a_streak_is_as_long_as_the_fall_during_the_exposure(tilt_deg):
     leak = Leak(0.0, 0.0, 0.8, 0.004, np.array([-0.35]))
     rig, recording = stereo_rig(pose=Pose(roll_deg=tilt_deg)), Recording(1, 12.0, 0.02)
     mask = drop_mask(Scene(PEDESTAL, (Lamp(),), (leak,)), rig.left, recording, 0)
-    rows = np.flatnonzero(mask.max(axis=1) > 0.02)
+    rows = np.flatnonzero(mask.max(axis=1) > 1e-3)
     heights = 0.8 - 9.81 * np.array([0.34, 0.36]) ** 2 / 2
     (_, top), (_, bottom) = rig.left.project([[0, 0, heights[0]], [0, 0, heights[1]]])
     radius_px = 0.004 * 685.5 / 2.4
@@ -85,13 +95,13 @@ def test_a_streak_is_as_long_as_the_fall_during_the_exposure(tilt_deg):
 
 
 def test_a_rolling_shutter_lengthens_a_streak_by_the_rows_delay():
-    # the drop falls with the readout, so lower rows see it later: the streak grows by 1 / (1 - speed of drop / of readout)
+    # the drop falls with the readout: the streak grows by 1 / (1 - speed of the drop / speed of the readout)
     leak = Leak(0.0, 0.0, 0.8, 0.004, np.array([-0.35]))
     camera, readout_s = stereo_rig().left, 0.02
     lengths = []
     for delay in (0.0, readout_s):
         mask = drop_mask(Scene(PEDESTAL, (Lamp(),), (leak,)), camera, Recording(1, 12.0, 0.02, delay), 0)
-        lengths.append(np.ptp(np.flatnonzero(mask.max(axis=1) > 0.02)))
+        lengths.append(np.ptp(np.flatnonzero(mask.max(axis=1) > 1e-3)))
     speed = 9.81 * 0.35 * 685.5 / 2.4  # rows per second
     radius_px = 0.004 * 685.5 / 2.4
     still, moving = (length - 2 * radius_px for length in lengths)

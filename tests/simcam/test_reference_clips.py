@@ -54,7 +54,7 @@ def test_streaks_begin_and_end_in_the_path_tracers_rows(differences):
 def test_drops_mirror_the_wall_behind_the_cameras_and_shadows_are_as_deep_as_it_makes_them(monkeypatch):
     # That wall's rust is not given. Its bounced light fills the shadows, and drops reflect it: two measurements of one
     # number, the reflectance there over the mean of the wall that is seen.
-    monkeypatch.setattr(simcam.streaks, "drop_glints", lambda lit, nodes: no_glints(len(nodes.fall_s)))
+    monkeypatch.setattr(simcam.streaks, "drop_glints", lambda _, nodes: no_glints(len(nodes.fall_s)))
     dark, light = (pooled_light("separated", render_clip, hidden) for hidden in (0.4, 1.0))
     reference_drop, reference_shadow = dark["drop"][:, 0].sum(), dark["shadow"][:, 0].sum()
     hidden = np.interp(reference_drop, [dark["drop"][:, 1].sum(), light["drop"][:, 1].sum()], [0.4, 1.0])

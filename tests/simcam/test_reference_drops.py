@@ -33,7 +33,9 @@ def test_glints_are_where_the_path_tracer_has_them(drops):
     bright = [one for one in drops if glint_light(one.ours, one.ours_wall)[0] > 150]  # a dozen of its paths and more
     assert len(bright) >= 4
     for one in bright:
-        theirs, ours = (glint_light(*pair)[1] for pair in ((one.reference, one.reference_wall), (one.ours, one.ours_wall)))
+        theirs, ours = (
+            glint_light(*pair)[1] for pair in ((one.reference, one.reference_wall), (one.ours, one.ours_wall))
+        )
         assert np.linalg.norm(ours - theirs) < 0.1 * one.radius, one.name
 
 

@@ -1,0 +1,117 @@
+"""Masks and truth beside closed-form projection, for random rigs."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from simcam import (
+    Box,
+    Lamp,
+    Leak,
+    Lens,
+    Pedestal,
+    Pose,
+    Recording,
+    Scene,
+    UniformTexture,
+    drop_mask,
+    ground_truth,
+    shadow_mask,
+    stereo_rig,
+)
+
+PEDESTAL = Pedestal(texture=UniformTexture(0.3))
+LAMP = Lamp((-2.25, 0.1, 0.4), 0.08)
+HEIGHTS_M = np.linspace(3, -3, 6001)
+
+
+def line_columns(camera, x_m, y_m, rows):
+    """Columns where the image of the vertical line through (x, y) crosses rows."""
+    line = camera.project(np.stack([np.full_like(HEIGHTS_M, x_m), np.full_like(HEIGHTS_M, y_m), HEIGHTS_M], axis=-1))
+    return np.interp(rows, line[:, 1], line[:, 0])
+
+
+def wall_behind(lamp, leak):
+    """Where the vertical plane through lamp and leak meets the wall beyond the leak."""
+    start, ahead = np.array(lamp.position_m[:2]), np.array([leak.x_m, leak.y_m]) - lamp.position_m[:2]
+    ahead = ahead / np.linalg.norm(ahead)
+    along = -start @ ahead + np.sqrt((start @ ahead) ** 2 - start @ start + PEDESTAL.radius_m**2)
+    return start + along * ahead
+
+
+def column_error(mask, camera, place):
+    """Mean over the mask's inner rows of its centroid column minus the line's."""
+    weight = mask.sum(axis=1)
+    rows = np.flatnonzero(weight > 0.5 * weight.max())
+    centroids = (mask[rows] * np.arange(camera.width_px)).sum(axis=1) / weight[rows]
+    return np.mean(centroids - line_columns(camera, *place, rows))
+
+
+@settings(max_examples=10)
+@given(
+    tilt=st.tuples(*[st.floats(-5, 5)] * 3),
+    brown=st.tuples(st.floats(-0.15, 0.15), st.floats(-0.003, 0.003)),
+    place=st.tuples(st.floats(-0.2, 1.8), st.floats(-0.5, 0.5)),
+    radius_m=st.floats(0.003, 0.01),
+)
+def test_columns_of_drop_and_shadow_masks_are_the_projected_lines(tilt, brown, place, radius_m):
+    lens = Lens(distortion=(brown[0], 0.02, brown[1], -brown[1], 0.0))
+    camera = stereo_rig(pose=Pose(*tilt), lens=lens).left
+    leak = Leak(*place, 2.0, radius_m, np.array([-0.63]))
+    scene, recording = Scene(PEDESTAL, (LAMP,), (leak,)), Recording(1, 12.0, 0.04)
+    drops, shadows = drop_mask(scene, camera, recording, 0), shadow_mask(scene, camera, recording, 0)
+    if drops.any():
+        assert column_error(drops, camera, place) == pytest.approx(0, abs=0.05)
+    behind = wall_behind(LAMP, leak)
+    inside = 60 < line_columns(camera, *behind, np.array([0, 270, 539])).min() < camera.width_px - 60
+    if shadows.any() and inside:
+        assert column_error(shadows, camera, behind) == pytest.approx(0, abs=0.05)
+
+
+def test_the_paper_rigs_truth_has_the_conventions_columns():
+    leak = Leak(0.0, 0.0, 2.0, 0.006, np.array([0.0]))
+    (truth,) = ground_truth(Scene(PEDESTAL, (LAMP,), (leak,)), stereo_rig(), Recording()).leaks
+    assert (truth.left.column_px, truth.right.column_px) == pytest.approx((550.91, 408.09), abs=0.005)
+    assert truth.in_view
+    assert truth.visible_fraction == 1
+    assert truth.left.drop_width_px == pytest.approx(2 * 0.006 * 685.511 / 2.4, rel=0.02)
+    behind = wall_behind(LAMP, leak)
+    expected = line_columns(stereo_rig().left, *behind, np.array([269.5]))[0]
+    assert truth.left.shadow_columns_px[0] == pytest.approx(expected, abs=1e-2)
+
+
+def test_a_leak_at_the_side_is_out_of_view_of_one_camera():
+    leak = Leak(0.0, -1.6, 2.0, 0.006, np.array([0.0]))
+    (truth,) = ground_truth(Scene(PEDESTAL, (LAMP,), (leak,)), stereo_rig(), Recording()).leaks
+    assert truth.right.in_view
+    assert not truth.left.in_view
+    assert not truth.in_view
+    assert truth.visible_fraction == 0
+
+
+def test_a_beam_takes_its_rows_from_the_visible_fraction_and_is_named():
+    # a beam 0.3 m tall half way to the leak: 0.3 x f / 1.2 rows of 540
+    beam = Box((-1.2, 0.125, 0.0), (0.01, 0.6, 0.3))
+    leak = Leak(0.0, 0.0, 2.0, 0.006, np.array([0.0]))
+    scene = Scene(PEDESTAL, (LAMP,), (leak,), (Box((2.0, -2.0, 0.0), (0.1, 0.1, 0.1)), beam))
+    (truth,) = ground_truth(scene, stereo_rig(), Recording()).leaks
+    assert truth.left.occluded_by == (1,)
+    assert truth.left.visible_fraction == pytest.approx(1 - 0.3 * 685.511 / 1.2 / 540, abs=0.01)
+
+
+def test_a_beam_below_the_leak_ends_the_fall():
+    beam = Box((0.0, 0.0, 0.25), (0.5, 0.5, 0.1))
+    leak = Leak(0.0, 0.0, 2.0, 0.006, np.array([0.0]))
+    (truth,) = ground_truth(Scene(PEDESTAL, (LAMP,), (leak,), (beam,)), stereo_rig(), Recording()).leaks
+    # seen down to the beam's far edge at most: drops end at z = 0.3
+    assert truth.left.last_row_px <= 269.5 - 0.3 * 685.511 / 2.4 + 1
+    assert truth.left.column_px == pytest.approx(550.91, abs=0.005)  # the line goes on
+
+
+def test_drop_masks_are_shares_and_black_where_nothing_falls():
+    leak = Leak(0.5, 0.2, 1.5, 0.008, np.array([-0.5, 5.0]))
+    mask = drop_mask(Scene(PEDESTAL, (LAMP,), (leak,)), stereo_rig().left, Recording(), 0)
+    assert mask.dtype == np.float32
+    assert 0 < mask.max() <= 1
+    assert np.count_nonzero(mask.sum(axis=0)) < 12
