@@ -27,11 +27,14 @@ def clear_errors(command: Callable[..., Any]) -> Callable[..., Any]:
     @wraps(command)
     def wrapped(*args: Any, **options: Any) -> Any:
         from leakloc import ClipError, ResultError, RigError
+        from scenarios.bench_command import BaselineError
+        from scenarios.estimators import EstimatorError
         from scenarios.irradiate import FramesError
 
+        foreign = (ClipError, RigError, ResultError, FramesError, EstimatorError, BaselineError)
         try:
             return command(*args, **options)
-        except (*INPUT_ERRORS, ClipError, RigError, ResultError, FramesError) as error:
+        except (*INPUT_ERRORS, *foreign) as error:
             for line in str(error).splitlines():
                 click.echo(f"Error: {line}", err=True)
             sys.exit(BAD_INPUT)
@@ -192,6 +195,29 @@ def demo(destination: Path, seed: int | None, *, force: bool) -> None:
     from scenarios.demo import run_demo
 
     click.echo(run_demo(destination, replacing if force else creating, seed))
+
+
+@main.command()
+@click.option("--method", type=click.Choice(["paper", "naive"]), help="One of ours.")
+@click.option(
+    "--estimator", metavar="MODULE:FUNCTION", help="Python: function(left, right, rig) -> Estimate or (x, y)s."
+)
+@click.option("--command", metavar="COMMAND", help='Anything: "mytool {clip} {result}".')
+@click.option("--scenes", type=click.IntRange(1, 100_000), default=40, show_default=True, help="Of each stratum.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
+@click.option("--workers", type=click.IntRange(1, 256), default=2, show_default=True)
+@click.option(
+    "--timeout", type=click.FloatRange(0.0, 3600.0, min_open=True), default=60.0, show_default=True, help="s a clip."
+)
+@click.option("--json", type=FILE, help="Write every trial here; serves as a later run's baseline.")
+@click.option("--junit", type=FILE, help="Write JUnit XML here.")
+@click.option("--baseline", type=FILE, help="Earlier --json: exit with 1 when this run is worse.")
+@clear_errors
+def bench(**options: Any) -> None:
+    """Test an estimator on scenes it cannot see the truth of: what it finds, what it misses, and why."""
+    from scenarios.bench_command import bench as benched
+
+    benched(options)
 
 
 @main.command()

@@ -45,24 +45,19 @@ def write_clip(
     `new_folder` is `output_folder.creating` or `output_folder.replacing`.
     """
     with new_folder(destination) as folder:
-        sums = _write_frames(clip.left, folder / "left") | _write_frames(clip.right, folder / "right")
-        write_rig(clip.believed_rig, folder / "rig.yaml")
-        recording = clip.scenario.recording
-        write_json(
-            folder / "input.json",
-            {
-                "fps": recording.fps,
-                "exposure_s": recording.exposure_s,
-                "n_frames": recording.n_frames,
-                "tone": clip.scenario.sensor.tone,
-            },
-        )
+        sums = _write_input(clip, folder)
         (folder / "truth.json").write_text(truth_json(clip.truth), encoding="utf-8")
         (folder / "scenario.toml").write_text(scenario_toml(clip.scenario), encoding="utf-8")
         for name in (*ESTIMATORS_FILES, "truth.json", "scenario.toml"):
             sums[name] = _sha256(folder / name)
         write_json(folder / MANIFEST, _manifest(clip, sums))
         verify_clip(folder)
+
+
+def write_estimators_clip(clip: SimulatedClip, folder: Path) -> None:
+    """Write what an estimator may see of a clip, and nothing else, into a new folder."""
+    folder.mkdir()
+    _write_input(clip, folder)
 
 
 def verify_clip(folder: Path) -> None:
@@ -94,6 +89,23 @@ def estimators_copy(folder: Path) -> Iterator[Path]:
         for name in ESTIMATORS_FILES:
             shutil.copyfile(folder / name, copy / name)
         yield copy
+
+
+def _write_input(clip: SimulatedClip, folder: Path) -> dict[str, str]:
+    """Write images, believed rig and recording; returns the SHA-256 of the images."""
+    sums = _write_frames(clip.left, folder / "left") | _write_frames(clip.right, folder / "right")
+    write_rig(clip.believed_rig, folder / "rig.yaml")
+    recording = clip.scenario.recording
+    write_json(
+        folder / "input.json",
+        {
+            "fps": recording.fps,
+            "exposure_s": recording.exposure_s,
+            "n_frames": recording.n_frames,
+            "tone": clip.scenario.sensor.tone,
+        },
+    )
+    return sums
 
 
 def _write_frames(frames: np.ndarray, folder: Path) -> dict[str, str]:

@@ -1,0 +1,197 @@
+"""Anybody's estimator behind one call: ours, a Python callable, or a command line with the clip-folder contract.
+
+Foreign code runs in a process of its own and sees frames and the believed rig alone; its crash, time-out, NaN or
+malformed output is an outcome, not the end of the run.
+"""
+
+from __future__ import annotations
+
+import importlib
+import multiprocessing
+import shlex
+import subprocess
+import tempfile
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+import leakloc
+from leakloc import Estimate, LeakEstimate, ResultError, Rig
+from scenarios import naive
+from scenarios.clip_folder import write_estimators_clip
+from scenarios.simulate import SimulatedClip
+
+Breakdown = Literal["crash", "timeout", "nan", "malformed"]
+SHOWN_ERROR_CHARS = 300
+BUILT_IN = ("paper", "robust", "naive")
+
+
+@dataclass(frozen=True)
+class Broken:
+    """An estimator that gave no usable answer, and how."""
+
+    code: Breakdown
+    detail: str
+
+
+Answer = Estimate | Broken
+
+
+class EstimatorError(ValueError):
+    """An estimator that cannot be started at all; the message names it and the rule."""
+
+
+@dataclass(frozen=True)
+class EstimatorSpec:
+    """Which estimator: a built-in method, `package.module:function`, or a command with {clip} and {result}."""
+
+    kind: Literal["method", "callable", "command"]
+    text: str
+    timeout_s: float = 60.0
+
+    def __post_init__(self) -> None:
+        """Check what can be checked without running it."""
+        if self.kind == "method" and self.text not in BUILT_IN:
+            raise EstimatorError(f"method {self.text!r}: must be one of {', '.join(BUILT_IN)}")
+        if self.kind == "callable" and self.text.count(":") != 1:
+            raise EstimatorError(f"estimator {self.text!r}: must have the form package.module:function")
+        if self.kind == "command" and not ("{clip}" in self.text and "{result}" in self.text):
+            raise EstimatorError(f"command {self.text!r}: must name {{clip}} and {{result}}")
+
+
+def run_estimator(spec: EstimatorSpec, clip: SimulatedClip) -> Answer:
+    """Run an estimator on a clip; the truth is out of its reach."""
+    if spec.kind == "command":
+        return run_command(spec, clip)
+    if spec.kind == "callable":
+        return _host_of(spec).run(clip)
+    return _run_method(spec.text, clip)
+
+
+def run_command(spec: EstimatorSpec, clip: SimulatedClip) -> Answer:
+    """Run a command line on a clip folder without the truth and read the result it writes."""
+    with tempfile.TemporaryDirectory(prefix="estimator-") as temporary:
+        folder, result = Path(temporary) / "clip", Path(temporary) / "result.json"
+        write_estimators_clip(clip, folder)
+        words = [word.format(clip=folder, result=result) for word in shlex.split(spec.text)]
+        try:
+            done = subprocess.run(
+                words, capture_output=True, text=True, timeout=spec.timeout_s, check=False, cwd=temporary
+            )
+        except subprocess.TimeoutExpired:
+            return Broken("timeout", f"no result within {spec.timeout_s:g} s")
+        except OSError as error:
+            raise EstimatorError(f"command {words[0]!r}: cannot be started: {error.strerror}") from None
+        if done.returncode != 0:
+            return Broken("crash", f"exit code {done.returncode}: {done.stderr.strip()[-SHOWN_ERROR_CHARS:]}")
+        try:
+            return _checked(leakloc.read_result(result))
+        except ResultError as error:
+            return Broken("malformed", str(error).replace(str(result), "result.json"))
+
+
+class Host:
+    """A process of its own for a Python callable; a new one is made after a crash or a time-out."""
+
+    def __init__(self, spec: EstimatorSpec) -> None:
+        """Start nothing yet."""
+        self._spec = spec
+        self._process: multiprocessing.process.BaseProcess | None = None
+        self._pipe: Connection | None = None
+
+    def run(self, clip: SimulatedClip) -> Answer:
+        """Give the callable frames and believed rig, and wait for its answer as long as the specification allows."""
+        pipe = self._started()
+        try:
+            pipe.send((clip.left, clip.right, clip.believed_rig))
+            if not pipe.poll(self._spec.timeout_s):
+                self.stop()
+                return Broken("timeout", f"no result within {self._spec.timeout_s:g} s")
+            kind, content = pipe.recv()
+        except (EOFError, OSError):
+            self.stop()
+            return Broken("crash", "its process died")
+        if kind == "missing":
+            raise EstimatorError(content)
+        return _checked(content) if kind == "estimate" else Broken(kind, content)
+
+    def stop(self) -> None:
+        """End the process, if there is one."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.join()
+        self._process = self._pipe = None
+
+    def _started(self) -> Connection:
+        if self._process is None or not self._process.is_alive() or self._pipe is None:
+            context = multiprocessing.get_context("spawn")
+            self._pipe, far_end = context.Pipe()
+            self._process = context.Process(target=_serve, args=(self._spec.text, far_end), daemon=True)
+            self._process.start()
+            far_end.close()
+        return self._pipe
+
+
+_hosts: dict[EstimatorSpec, Host] = {}
+
+
+def _host_of(spec: EstimatorSpec) -> Host:
+    """One host a callable and process: starting Python anew for every clip would cost more than the estimate."""
+    return _hosts.setdefault(spec, Host(spec))
+
+
+def _serve(name: str, pipe: Connection) -> None:
+    """Answer clips until the other end is gone; runs in the host's process."""
+    try:
+        module, _, attribute = name.partition(":")
+        function = getattr(importlib.import_module(module), attribute)
+    except (ImportError, AttributeError, ValueError) as error:
+        pipe.recv()
+        pipe.send(("missing", f"estimator {name!r}: cannot be imported: {error}"))
+        return
+    while True:
+        try:
+            left, right, rig = pipe.recv()
+        except EOFError:
+            return
+        pipe.send(_answer(function, left, right, rig))
+
+
+def _answer(
+    function: Callable[[np.ndarray, np.ndarray, Rig], Any], left: np.ndarray, right: np.ndarray, rig: Rig
+) -> tuple[str, Any]:
+    try:
+        found = function(left, right, rig)
+    except Exception as error:
+        return "crash", f"{type(error).__name__}: {error}"[:SHOWN_ERROR_CHARS]
+    try:
+        return "estimate", found if isinstance(found, Estimate) else _from_places(found, rig)
+    except (TypeError, ValueError) as error:
+        return "malformed", f"must return an Estimate or (x_m, y_m) pairs: {error}"[:SHOWN_ERROR_CHARS]
+
+
+def _from_places(places: Iterable[tuple[float, float]], rig: Rig) -> Estimate:
+    undefined = np.full((2, 2), np.nan)
+    leaks = []
+    for x_m, y_m in places:
+        place = np.array([float(x_m), float(y_m), 0.0, 1.0])
+        columns_px = [float(u / w) for u, _, w in (rig.P1 @ place, rig.P2 @ place)] if np.isfinite(place).all() else []
+        left_px, right_px = columns_px or (np.nan, np.nan)
+        leaks.append(LeakEstimate(place[0], place[1], undefined, 0.0, left_px, right_px, float("nan")))
+    return Estimate("foreign", rig.frame, tuple(leaks))
+
+
+def _run_method(name: str, clip: SimulatedClip) -> Answer:
+    if name == "naive":
+        return _checked(naive.locate(clip.left, clip.right, clip.believed_rig))
+    return _checked(leakloc.locate(clip.left, clip.right, clip.believed_rig, method=name))
+
+
+def _checked(estimate: Estimate) -> Answer:
+    if not all(np.isfinite([leak.x_m, leak.y_m]).all() for leak in estimate.leaks):
+        return Broken("nan", "a leak's place is not finite")
+    return estimate
