@@ -25,13 +25,16 @@ def open_irradiance(lamp: Lamp, points_m: FloatArray, normals: FloatArray) -> Fl
 def lamp_visibility(lamp: Lamp, surface: Surface, obstacles: Obstacles | None, samples: int) -> FloatArray:
     """Share 0..1 (n,) of the lamp's disc that a surface's points see past the structure, by shadow rays.
 
-    Only points whose view of the lamp passes the structure's bounding box are asked.
+    Only points whose view of the lamp passes a structure's bounding box are asked.
     """
     points_m = surface.points_m
     visible = np.ones(points_m.shape[1], np.float32)
     if obstacles is None:
         return visible
-    asked = np.flatnonzero(_may_be_hidden(lamp, points_m, obstacles))
+    may_be_hidden = np.zeros(visible.shape, bool)
+    for box_m in obstacles.boxes_m:
+        may_be_hidden |= _passes_box(lamp, points_m, box_m)
+    asked = np.flatnonzero(may_be_hidden)
     if asked.size == 0:
         return visible
     origins_m = np.ascontiguousarray(points_m[:, asked].T) + np.float32(1e-4) * surface.normals[:, asked].T
@@ -61,13 +64,13 @@ def _lamp_disc(lamp: Lamp, origins_m: FloatArray, samples: int) -> list[FloatArr
     ]
 
 
-def _may_be_hidden(lamp: Lamp, points_m: FloatArray, obstacles: Obstacles) -> FloatArray:
+def _passes_box(lamp: Lamp, points_m: FloatArray, box_m: FloatArray) -> FloatArray:
     """Slab test: does the segment from the point to the lamp's centre meet the box grown by the lamp's radius?"""
     enter = np.zeros(points_m.shape[1], np.float32)
     leave = np.ones(points_m.shape[1], np.float32)
     for axis in range(3):
-        low = np.float32(obstacles.low_m[axis] - lamp.radius_m)
-        high = np.float32(obstacles.high_m[axis] + lamp.radius_m)
+        low = np.float32(box_m[0, axis] - lamp.radius_m)
+        high = np.float32(box_m[1, axis] + lamp.radius_m)
         start = points_m[axis]
         step = np.float32(lamp.position_m[axis]) - start
         step = np.where(np.abs(step) < 1e-9, np.float32(1e-9), step)

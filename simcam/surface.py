@@ -33,14 +33,16 @@ class Surface:
 
 @dataclass(frozen=True)
 class Obstacles:
-    """All structure of a scene as one mesh: caster; per face a unit normal, a reflectance and the structure's index."""
+    """All structure of a scene as one mesh: caster; per face a unit normal, a reflectance and the structure's index;
+
+    boxes_m (structures, 2, 3): lowest and highest corner of each.
+    """
 
     caster: RayCaster
     normals: FloatArray
     reflectance: FloatArray
     structure: IndexArray
-    low_m: FloatArray
-    high_m: FloatArray
+    boxes_m: FloatArray
 
 
 def build_obstacles(structures: tuple[Structure, ...]) -> Obstacles | None:
@@ -61,8 +63,7 @@ def build_obstacles(structures: tuple[Structure, ...]) -> Obstacles | None:
         normals.astype(np.float32),
         reflectance.astype(np.float32),
         np.repeat(np.arange(len(meshes)), [len(mesh_faces) for _, mesh_faces in meshes]),
-        vertices.min(axis=0),
-        vertices.max(axis=0),
+        np.array([[corners_m.min(axis=0), corners_m.max(axis=0)] for corners_m, _ in meshes]),
     )
 
 
