@@ -13,7 +13,11 @@ MAY_IMPORT = {
     "simcam": {"numpy", "scipy", "cv2", "trimesh", "embreex"},
     "noise": {"numpy", "scipy", "cv2"},
     "leakloc": {"numpy", "scipy", "cv2"},
-    "scenarios": {"numpy", "scipy", "cv2", "pydantic", "click", "matplotlib", "tqdm", "tomli_w", "hypothesis", *PACKAGES},
+    "scenarios": {
+        *{"numpy", "scipy", "cv2", "pydantic", "click", "matplotlib", "tqdm", "tomli_w"},
+        "hypothesis",  # its strategies, in space.py, imported where they are used
+        *PACKAGES,
+    },
 }
 
 
