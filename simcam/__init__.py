@@ -5,7 +5,7 @@ shadow touches. Output: float32 linear expected photo-electrons; noise and senso
 """
 
 from simcam.camera import Camera
-from simcam.masks import drop_mask, shadow_mask
+from simcam.masks import drop_centres, drop_mask, shadow_mask, static_depth
 from simcam.recording import Recording, responsivity
 from simcam.render import StereoClip, render_clip, render_view
 from simcam.rig import Lens, Pose, StereoRig, Tilt, stereo_rig
@@ -36,6 +36,7 @@ __all__ = [
     "Tilt",
     "Truth",
     "UniformTexture",
+    "drop_centres",
     "drop_mask",
     "ground_truth",
     "mesh_file",
@@ -43,5 +44,6 @@ __all__ = [
     "render_view",
     "responsivity",
     "shadow_mask",
+    "static_depth",
     "stereo_rig",
 ]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simcam.lens import FloatArray, distort, undistort
+from simcam.lens import FloatArray, distort, undistort, unfolded
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,13 +53,14 @@ class Camera:
         return (np.asarray(points_world_m) - self.centre_world_m) @ self.rotation[:, 2]
 
     def project(self, points_world_m: FloatArray) -> FloatArray:
-        """Pixels (..., 2) = (u_px, v_px) of world points (..., 3); NaN behind the camera."""
+        """Pixels (..., 2) = (u_px, v_px) of world points (..., 3); NaN behind the camera or beyond the lens's fold."""
         points_camera_m = (np.asarray(points_world_m, float) - self.centre_world_m) @ self.rotation
         depth_m = points_camera_m[..., 2:]
         with np.errstate(divide="ignore", invalid="ignore"):
             normalised = np.where(depth_m > 0, points_camera_m[..., :2] / depth_m, np.nan)
         if self.distortion.any():
-            normalised = distort(normalised, self.distortion)
+            seen = unfolded(normalised, self.distortion)[..., None]
+            normalised = np.where(seen, distort(normalised, self.distortion), np.nan)
         return normalised @ self.camera_matrix[:2, :2].T + self.camera_matrix[:2, 2]
 
     def rays(self, pixels_px: FloatArray) -> FloatArray:

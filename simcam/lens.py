@@ -42,7 +42,7 @@ def undistort(points: FloatArray, distortion: FloatArray) -> FloatArray:
             break
         solution -= _newton_step(solution, error, distortion)
     lost = ~(np.abs(distort(solution, distortion) - points).max(axis=-1) < 10 * SOLVED)
-    solution[lost | ~_unfolded(solution, distortion)] = np.nan
+    solution[lost | ~unfolded(solution, distortion)] = np.nan
     return solution
 
 
@@ -72,7 +72,7 @@ def _jacobian(points: FloatArray, distortion: FloatArray) -> tuple[FloatArray, F
     return jxx, jxy, jyy
 
 
-def _unfolded(points: FloatArray, distortion: FloatArray) -> NDArray[np.bool_]:
+def unfolded(points: FloatArray, distortion: FloatArray) -> NDArray[np.bool_]:
     """True where the lens map keeps its orientation: beyond the fold a second, false solution exists."""
     jxx, jxy, jyy = _jacobian(points, distortion)
     return (jxx > 0) & (jxx * jyy - jxy * jxy > 0)

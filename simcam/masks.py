@@ -1,4 +1,4 @@
-"""Where drops and their shadows are in a frame: soft masks, shares of each pixel and of its exposure.
+"""Where drops and their shadows are in a frame: soft masks, shares of each pixel and of its exposure; drop centres.
 
 Made by the same tables as the pictures, with a drop of radiance 1 before a black scene, and lamps of radiance 1.
 """
@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from simcam.camera import Camera
-from simcam.fall import fall_time
+from simcam.fall import fall_depth, fall_time
 from simcam.lens import FloatArray
 from simcam.path import landing_m
 from simcam.recording import Recording
@@ -35,6 +35,29 @@ def drop_mask(scene: Scene, camera: Camera, recording: Recording, frame: int) ->
             )
             expose_drop(mask, table, opens, closes)
     return (mask / np.float32(recording.exposure_s)).reshape(view.radiance.shape)
+
+
+def drop_centres(scene: Scene, camera: Camera, recording: Recording, frame: int) -> FloatArray:
+    """Pixels (leaks, drops, 2) of every drop at the middle of a frame's exposure; NaN when not falling or not in front.
+
+    Padded to the leak with most drops; a rolling shutter's delay is left out.
+    """
+    lit = light_scene(scene)
+    most = max((len(leak.drop_times_s) for leak in scene.leaks), default=0)
+    centres = np.full((len(scene.leaks), most, 2), np.nan)
+    for index, leak in enumerate(scene.leaks):
+        depth_m = fall_depth(frame / recording.fps - leak.drop_times_s)
+        falling = (leak.drop_times_s < frame / recording.fps) & (depth_m < landing_m(lit, leak))
+        places_m = leak.position_m - depth_m[:, None] * np.array([0.0, 0.0, 1.0])
+        centres[index, : len(depth_m)] = np.where(falling[:, None], camera.project(places_m), np.nan)
+    return centres
+
+
+def static_depth(scene: Scene, camera: Camera) -> FloatArray:
+    """Depth in metres along the optical axis of what each pixel sees without drops, float32 (height, width)."""
+    view = static_view(scene, camera)
+    cosine = camera.pixel_rays() @ camera.rotation[:, 2]
+    return view.range_m * cosine.astype(np.float32)
 
 
 def shadow_mask(scene: Scene, camera: Camera, recording: Recording, frame: int) -> FloatArray:

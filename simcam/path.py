@@ -1,6 +1,6 @@
 """The falling drop as a camera sees it: the leak's line in the image, as a function of the time since release."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -45,8 +45,8 @@ class DropPath:
                 return np.interp(fall_s, self.fall_s, values)
             return np.stack([np.interp(fall_s, self.fall_s, column) for column in values.T], axis=-1)
 
-        fields = (self.centre_m, self.centre_px, self.right, self.down, self.right_px, self.down_px, self.range_m)
-        return DropPath(np.asarray(fall_s), *(pick(values) for values in fields))
+        others = {field.name: pick(getattr(self, field.name)) for field in fields(self) if field.name != "fall_s"}
+        return DropPath(fall_s=np.asarray(fall_s), **others)
 
 
 def landing_m(lit: LitScene, leak: Leak) -> float:
@@ -69,11 +69,18 @@ def drop_path(camera: Camera, leak: Leak, landing: float) -> DropPath | None:
         return None
     first, last = max(seen[0] - 1, 0), min(seen[-1] + 1, PATH_POINTS - 1)
     fall_s = np.linspace(coarse_s[first], coarse_s[last], PATH_POINTS)
-    path = _followed(camera, leak, fall_s)
-    rows = path.centre_px[:, 1]
-    if not (np.diff(rows[np.isfinite(rows)]) > 0).all():
+    path = _in_front(_followed(camera, leak, fall_s))
+    if len(path.fall_s) < 2:
+        return None
+    if not (np.diff(path.centre_px[:, 1]) > 0).all():
         raise ValueError("drop_path: drops must fall downwards in the image; roll and pitch are too large")
     return path
+
+
+def _in_front(path: DropPath) -> DropPath:
+    """The part of a path that the lens shows."""
+    shown = np.isfinite(path.centre_px).all(axis=1) & np.isfinite(path.down_px).all(axis=1)
+    return DropPath(**{field.name: getattr(path, field.name)[shown] for field in fields(path)})
 
 
 def _places(leak: Leak, fall_s: FloatArray) -> FloatArray:

@@ -15,9 +15,11 @@ from simcam import (
     Recording,
     Scene,
     UniformTexture,
+    drop_centres,
     drop_mask,
     ground_truth,
     shadow_mask,
+    static_depth,
     stereo_rig,
 )
 
@@ -115,3 +117,28 @@ def test_drop_masks_are_shares_and_black_where_nothing_falls():
     assert mask.dtype == np.float32
     assert 0 < mask.max() <= 1
     assert np.count_nonzero(mask.sum(axis=0)) < 12
+
+
+def test_drop_centres_are_projected_falls():
+    leak = Leak(0.0, 0.0, 1.0, 0.006, np.array([-0.4, -9.0, 9.0]))
+    centres = drop_centres(Scene(PEDESTAL, (LAMP,), (leak,)), stereo_rig().left, Recording(), 0)
+    z_m = 1.0 - 9.81 * 0.4**2 / 2
+    assert centres[0, 0] == pytest.approx((550.907, 269.5 - z_m * 685.511 / 2.4), abs=1e-3)
+    assert np.isnan(centres[0, 1:]).all()
+
+
+def test_static_depth_is_the_walls():
+    depth = static_depth(Scene(PEDESTAL, (LAMP,)), stereo_rig().left)
+    assert depth[269, 479] == pytest.approx(np.sqrt(2.5**2 - 0.25**2) + 2.4, abs=1e-3)
+
+
+def test_strong_barrel_distortion_and_a_wide_view_show_a_leak_once():
+    lens = Lens(100.0, distortion=(-0.12, 0.0, 0.0, 0.0, 0.0))
+    camera = stereo_rig(lens=lens).left
+    leak = Leak(0.5, 0.2, 2.5, 0.008, np.arange(-1.2, 0.0, 0.1))
+    mask = drop_mask(Scene(PEDESTAL, (LAMP,), (leak,)), camera, Recording(), 0)
+    columns = np.flatnonzero(mask.sum(axis=0))
+    line = camera.project(np.stack([np.full(200, 0.5), np.full(200, 0.2), np.linspace(2.4, -2, 200)], axis=-1))
+    shown = line[(line[:, 1] > 0) & (line[:, 1] < 539), 0]
+    assert columns.min() == pytest.approx(shown.min(), abs=4)
+    assert columns.max() == pytest.approx(shown.max(), abs=4)
