@@ -133,7 +133,7 @@ def test_static_depth_is_the_walls():
 
 
 def test_strong_barrel_distortion_and_a_wide_view_show_a_leak_once():
-    lens = Lens(100.0, distortion=(-0.12, 0.0, 0.0, 0.0, 0.0))
+    lens = Lens(90.0, distortion=(-0.08, 0.0, 0.0, 0.0, 0.0))
     camera = stereo_rig(lens=lens).left
     leak = Leak(0.5, 0.2, 2.5, 0.008, np.arange(-1.2, 0.0, 0.1))
     mask = drop_mask(Scene(PEDESTAL, (LAMP,), (leak,)), camera, Recording(), 0)
