@@ -96,6 +96,7 @@ def image_sensor(scenario: Scenario) -> Sensor:
         read_noise_e=sensor.read_noise_e,
         charge_diffusion_um=sensor.charge_diffusion_um,
         tone=sensor.tone,
+        shot_noise=scenario.effects.shot_noise,
     )
 
 

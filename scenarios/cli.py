@@ -198,6 +198,28 @@ def demo(destination: Path, seed: int | None, *, force: bool) -> None:
 
 
 @main.command()
+@scenario_options
+@click.option("--method", type=click.Choice(["paper", "naive"]), default="paper", show_default=True)
+@click.option("-o", "--output", "destination", type=FILE, help="Write a page with pictures here.")
+@clear_errors
+def explain(scenario: str, overrides: tuple[str, ...], seed: int | None, method: str, destination: Path | None) -> None:
+    """Say why an estimator fails: the same scene without one cause at a time."""
+    from scenarios.estimators import EstimatorSpec
+    from scenarios.explain import causes, explain_html, table
+    from scenarios.explain import explain as explained
+    from scenarios.leaks import resolved
+    from scenarios.output_folder import write_file
+    from scenarios.progress import progress
+
+    whole = resolved(read_scenario(scenario, overrides, seed))
+    arms = list(progress(explained(whole, EstimatorSpec("method", method)), "runs", 1 + len(causes(whole))))
+    click.echo(table(arms))
+    if destination is not None:
+        write_file(destination, explain_html(arms))
+        click.echo(f"\npictures: {destination}")
+
+
+@main.command()
 @click.option("--method", type=click.Choice(["paper", "naive"]), help="One of ours.")
 @click.option(
     "--estimator", metavar="MODULE:FUNCTION", help="Python: function(left, right, rig) -> Estimate or (x, y)s."

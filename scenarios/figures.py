@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
+from leakloc.background import temporal_median
 from scenarios.score import Score
 from scenarios.truth import LeakTruth, TrueCamera, Truth
 
@@ -38,6 +39,12 @@ def frame_png(frame_grey: np.ndarray, gain: float = 1.0) -> str:
     made, png = cv2.imencode(".png", shown)
     assert made
     return f"data:image/png;base64,{base64.b64encode(png.tobytes()).decode()}"
+
+
+def residual_png(frames: np.ndarray) -> str:
+    """PNG of the mean over frames of |I - temporal median| (frames, height, width), brightened to be seen."""
+    residual = np.abs(frames - temporal_median(frames).grey).mean(axis=0)
+    return frame_png(residual, 200.0 / max(float(np.percentile(residual, 99.9)), 1e-6))
 
 
 def display_gain(frame_grey: np.ndarray) -> float:

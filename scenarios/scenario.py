@@ -101,6 +101,13 @@ class SensorTable(Model):
     tone: Literal["linear", "srgb"] = "linear"
 
 
+class EffectsTable(Model):
+    """Physics that can be switched off to find out why an estimator fails."""
+
+    drop_shadows: bool = True
+    shot_noise: bool = True
+
+
 class PedestalTable(Model):
     """The cylinder below the vessel."""
 
@@ -203,6 +210,7 @@ class Scenario(Model):
     recording: RecordingTable = RecordingTable()
     gamma: GammaTable = GammaTable()
     sensor: SensorTable = SensorTable()
+    effects: EffectsTable = EffectsTable()
     pedestal: PedestalTable = PedestalTable()
     lamp: Annotated[tuple[LampTable, ...], BeforeValidator(_tuple_of_list)] = Field(
         (LampTable(),), max_length=MAX_LAMPS, description="the paper's one lamp unless listed; lamp = [] is darkness"

@@ -130,6 +130,8 @@ def _apply(override: str, data: dict[str, Any]) -> None:
     except tomllib.TOMLDecodeError:
         value = text.strip()
     here: Any = data
+    if len(parts) > 1 and parts[1].isdecimal() and parts[0] in Scenario.model_fields:
+        data.setdefault(parts[0], Scenario().model_dump(mode="json", exclude_none=True)[parts[0]])
     for i, part in enumerate(parts[:-1]):
         here = here.setdefault(part, {}) if isinstance(here, dict) else _item(here, part, f"--set {override}")
         if not isinstance(here, dict | list):

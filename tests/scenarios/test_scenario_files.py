@@ -126,6 +126,11 @@ def test_an_override_sets_the_value_it_names(override, read):
     assert read(read_scenario("separated", [override]))
 
 
+def test_an_override_reaches_into_the_lamp_that_is_there_by_default():
+    lamp = read_scenario("crowded_1", ["lamp.0.power_w=7.5"]).lamp[0]
+    assert (lamp.power_w, lamp.position_m) == (7.5, Scenario().lamp[0].position_m)
+
+
 @pytest.mark.parametrize(
     ("override", "words"),
     [
