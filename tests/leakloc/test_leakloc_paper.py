@@ -154,7 +154,7 @@ def test_arrays_that_are_no_clip_are_refused_with_the_rule(make_rig, left, right
 
 
 def test_an_unknown_method_and_foreign_options_are_refused_with_what_there_is(make_rig):
-    with pytest.raises(ValueError, match="method must be one of paper, got 'magic'"):
+    with pytest.raises(ValueError, match="method must be one of robust, paper, got 'magic'"):
         locate(frames(), frames(), make_rig(120, 40), method="magic")
     with pytest.raises(ValueError, match="must be PaperOptions, got dict"):
         locate(frames(), frames(), make_rig(120, 40), options={"k_sigma": 2})

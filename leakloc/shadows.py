@@ -1,0 +1,34 @@
+"""Where a leak's shadow falls: the plane through a lamp and a plumb line cuts the wall in a plumb line."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from leakloc.rig import Array
+
+
+def shadow_places(places_m: ArrayLike, lamp_m: Array, radius_m: float) -> Array:
+    """Place (n, 2) on the wall of the shadow that `lamp_m` (x, y) throws of plumb lines through places (n, 2).
+
+    The wall is the cylinder of `radius_m` around the frame's z axis; NaN for a place on or beyond it.
+    """
+    places = np.atleast_2d(np.asarray(places_m, dtype=np.float64))
+    ray = places - lamp_m
+    a = (ray**2).sum(axis=1)
+    b = (places * ray).sum(axis=1)
+    c = (places**2).sum(axis=1) - radius_m**2
+    with np.errstate(invalid="ignore", divide="ignore"):
+        step = np.where(c < 0, (-b + np.sqrt(b**2 - a * c)) / a, np.nan)
+    return places + step[:, None] * ray
+
+
+def penumbra_m(place_m: Array, shadow_m: Array, lamp_m: Array, lamp_radius_m: float) -> tuple[float, float]:
+    """Half-widths across the ray, on a screen at the shadow: of the lamp's blur, and per metre of drop radius.
+
+    A drop at distance a from the lamp and w - a before the screen magnifies its own radius by w / a and smears it
+    by the lamp's radius times (w - a) / a.
+    """
+    a = float(np.linalg.norm(place_m - lamp_m))
+    w = float(np.linalg.norm(shadow_m - lamp_m))
+    return lamp_radius_m * (w - a) / a, w / a

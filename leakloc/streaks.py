@@ -1,0 +1,137 @@
+"""What falls: the clip as streak activity in bands of rows, with gamma hits clipped off and the noise measured.
+
+A falling drop paints a streak down its column, so rows are summed in bands of about a thirty-sixth of the image before
+anything non-linear is done, and one band of one frame is one sample of a column's activity over time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from leakloc.background import Frames, temporal_median
+
+Activity = NDArray[np.float32]  # (frames, bands, width), in standard deviations of the band's noise
+
+BANDS = 36  # bands per image height: at the paper's fall speeds a streak of 10 ms still fills one
+MIN_BAND_ROWS = 4
+CLIP_DARK = 5.0  # standard deviations of a pixel: nothing darkens but drops and shadows
+CLIPS_BRIGHT = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0)  # standard deviations to choose from: gamma hits only ever brighten
+NOISE_FLOOR_GREY = 0.3  # what rounding to whole grey leaves of a noise-free pixel
+BRIGHTNESS_BINS = 8
+NOISE_STEP_PX = 3  # every third row and column is enough to measure the noise
+TILE_PX = 32  # columns that share one noise scale
+
+
+@dataclass(frozen=True, eq=False)
+class Streaks:
+    """Activity of one view.
+
+    `activity` (n, bands, width): band sums minus their temporal median, over their noise; 0 where a band never
+    changes. `signal_grey` (bands, width): noise of a band's mean, grey. `rows_px` (bands,): middle rows.
+    `noise_grey`: a pixel's noise, median over the image. `live` (bands, width): where there is noise at all.
+    """
+
+    activity: Activity
+    scale_grey: NDArray[np.float32]
+    rows_px: NDArray[np.float64]
+    noise_grey: float
+    live: NDArray[np.bool_]
+
+
+def streaks(frames: Frames) -> Streaks:
+    """Streak activity of levelled frames (n, height, width), uint8 or uint16, n >= 3, contiguous."""
+    median = temporal_median(frames)
+    noise_grey, clip_bright = pixel_noise(frames, median.grey)
+    sums, rows_px = band_sums(frames, *clip_limits(frames, median.grey, noise_grey, clip_bright))
+    band_rows = rows_px[1] - rows_px[0] if len(rows_px) > 1 else 2 * rows_px[0] + 1
+    sums -= np.median(sums, axis=0)
+    scale = band_noise(sums)
+    live = scale > 0
+    sums /= np.where(live, scale, np.inf)
+    sums -= np.median(sums, axis=2, keepdims=True)  # lamps flicker and exposures drift for a whole row at once
+    return Streaks(sums, (scale / band_rows).astype(np.float32), rows_px, float(np.median(noise_grey)), live)
+
+
+def pixel_noise(frames: Frames, median_grey: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """Standard deviation of a pixel over time, (height, width) grey, and where to clip its bright side, in those.
+
+    The noise is a function of brightness, which stands for everything that photon noise, gain and tone do; it is taken
+    from the dark side of the residual alone, which gamma hits do not reach.
+    """
+    step = NOISE_STEP_PX
+    level = median_grey[::step, ::step]
+    residual = frames[:, ::step, ::step] - level
+    edges = np.unique(np.quantile(level, np.linspace(0, 1, BRIGHTNESS_BINS + 1)))
+    place = np.clip(np.searchsorted(edges, level, side="right") - 1, 0, max(len(edges) - 2, 0))
+    known = [place == b for b in range(max(len(edges) - 1, 1))]
+    brightness = [float(level[here].mean()) for here in known if here.any()]
+    spread = [_dark_spread(residual[:, here]) for here in known if here.any()]
+    noise_grey = np.maximum(np.interp(median_grey, brightness, spread), NOISE_FLOOR_GREY)
+    return noise_grey, best_bright_clip(residual / noise_grey[::step, ::step])
+
+
+def best_bright_clip(residual: NDArray[np.float64]) -> float:
+    """The bright limit that keeps most of a faint signal per noise; residual in standard deviations.
+
+    A small shift of a clipped sample moves its mean by the share of samples within the limits: maximise that share over
+    the standard deviation of the clipped samples (the efficacy of an M-estimator; Huber and Ronchetti, Robust
+    Statistics, 3.2).
+    """
+    whole = np.maximum(residual.ravel(), -CLIP_DARK)
+    within = [((whole > -CLIP_DARK) & (whole < limit)).mean() for limit in CLIPS_BRIGHT]
+    spread = [np.minimum(whole, limit).std() for limit in CLIPS_BRIGHT]
+    return CLIPS_BRIGHT[
+        int(np.argmax([share / sd if sd > 0 else 0.0 for share, sd in zip(within, spread, strict=True)]))
+    ]
+
+
+def _dark_spread(residual_grey: NDArray[np.float64]) -> float:
+    """Standard deviation of a Gaussian that has this median and dark side: its 16 % quantile against its middle."""
+    return float(-np.quantile(residual_grey, 0.1587))
+
+
+def clip_limits(
+    frames: Frames, median_grey: NDArray[np.float64], noise_grey: NDArray[np.float64], clip_bright: float
+) -> tuple[Frames, Frames]:
+    """Darkest and brightest grey that a pixel is believed to show, (height, width) each, in the frames' dtype."""
+    top = np.iinfo(frames.dtype).max
+    darkest = np.clip(np.rint(median_grey - CLIP_DARK * noise_grey), 0, top)
+    brightest = np.clip(np.rint(median_grey + clip_bright * noise_grey), 0, top)
+    return darkest.astype(frames.dtype), brightest.astype(frames.dtype)
+
+
+def band_sums(frames: Frames, darkest: Frames, brightest: Frames) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+    """Sums of the clipped frames over bands of rows, (n, bands, width) grey, and the bands' middle rows.
+
+    Slow definition: `np.clip(frames, darkest, brightest)` summed over whole bands; rows left over at the bottom are
+    not used.
+    """
+    n, height, width = frames.shape
+    rows = min(height, max(MIN_BAND_ROWS, round(height / BANDS)))
+    bands = height // rows
+    sums = np.empty((n, bands, width), np.float32)
+    clipped = np.empty((height, width), frames.dtype)
+    for frame, out in zip(frames, sums, strict=True):
+        cv2.min(cv2.max(frame, darkest), brightest, dst=clipped)
+        summed = cv2.boxFilter(clipped, cv2.CV_32F, (1, rows), normalize=False, borderType=cv2.BORDER_REPLICATE)
+        out[:] = summed[rows // 2 : bands * rows : rows]
+    return sums, np.arange(bands) * rows + (rows - 1) / 2
+
+
+def band_noise(sums: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Noise of band sums (n, bands, width) around their temporal median, (bands, width), smooth along the row.
+
+    Robust to the frames and columns that streaks fill: the median of |sum| in tiles, interpolated between their
+    middles. Up to a factor that depends on n alone (a few frames hug their own median).
+    """
+    n, bands, width = sums.shape
+    tiles = max(1, width // TILE_PX)
+    used = tiles * (width // tiles)
+    tiled = np.abs(sums[:, :, :used]).reshape(n, bands, tiles, width // tiles)
+    scale = 1.4826 * np.median(tiled.transpose(1, 2, 0, 3).reshape(bands, tiles, -1), axis=2)
+    middles = (np.arange(tiles) + 0.5) * (width // tiles) - 0.5
+    return np.stack([np.interp(np.arange(width), middles, row) for row in scale]).astype(np.float32)

@@ -1,0 +1,71 @@
+"""Which column of one view belongs to which of the other: peaks of agreement, assigned at a price for none."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+Sigmas = NDArray[np.float32]  # (width left, width right), standard deviations of unrelated columns
+
+APART_PX = 3  # two peaks nearer than this are one
+NEAR_PX = 1  # a pair's agreement is the best within this of both columns
+
+
+@dataclass(frozen=True)
+class Track:
+    """A pair of columns in which the same things fall: a drop's line, or a shadow's.
+
+    `sigmas`: significance of the pair; `runner_up_sigmas`: that of the best other partner of either column, -inf
+    if there is none.
+    """
+
+    left_px: int
+    right_px: int
+    sigmas: float
+    runner_up_sigmas: float
+
+
+def peaks(values: NDArray[np.floating], least: float, apart_px: int = APART_PX) -> NDArray[np.intp]:
+    """Indices of values above `least` that are the first maximum within `apart_px` on both sides, ascending."""
+    padded = np.pad(values, apart_px, constant_values=-np.inf)
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * apart_px + 1)
+    return np.flatnonzero((values > least) & (windows.argmax(axis=1) == apart_px))
+
+
+def match_tracks(sigmas: Sigmas, allowed: NDArray[np.bool_], least_sigmas: float) -> list[Track]:
+    """Pairs of columns at the greatest total likelihood, none used twice, strongest first.
+
+    Candidates are the peaks of each view's best agreement over `allowed` pairs (N lines would pair in N^2 ways); a pair
+    gains sigmas^2, and both columns staying single costs least_sigmas^2, so nothing below the threshold is matched.
+    """
+    held = np.where(allowed, sigmas, -np.inf)
+    left, right = peaks(held.max(axis=1), least_sigmas), peaks(held.max(axis=0), least_sigmas)
+    if not len(left) or not len(right):
+        return []
+    pairs = _best_near(held, left, right)
+    gain = np.where(pairs > least_sigmas, pairs.astype(np.float64) ** 2 - least_sigmas**2, 0.0)
+    rows, columns = linear_sum_assignment(gain, maximize=True)
+    tracks = []
+    for i, j in zip(rows, columns, strict=True):
+        if gain[i, j] > 0:
+            others = np.concatenate([np.delete(pairs[i], j), np.delete(pairs[:, j], i)])
+            runner_up = float(others.max(initial=-np.inf))
+            tracks.append(Track(int(left[i]), int(right[j]), float(pairs[i, j]), runner_up))
+    return sorted(tracks, key=lambda track: -track.sigmas)
+
+
+def _best_near(held: Sigmas, left: NDArray[np.intp], right: NDArray[np.intp]) -> Sigmas:
+    """Best agreement of every candidate pair within NEAR_PX, (left, right)."""
+    steps = range(-NEAR_PX, NEAR_PX + 1)
+    width_left, width_right = held.shape
+    return np.max(
+        [
+            held[np.ix_(np.clip(left + i, 0, width_left - 1), np.clip(right + j, 0, width_right - 1))]
+            for i in steps
+            for j in steps
+        ],
+        axis=0,
+    )
