@@ -10,7 +10,7 @@ from simcam.lens import FloatArray
 from simcam.scene import Lamp
 from simcam.surface import Obstacles, Surface
 
-LAMP_SAMPLES = 32  # shadow rays per point and lamp for the camera's own picture
+LAMP_SAMPLES = 16  # shadow rays per point and lamp for the camera's own picture
 GOLDEN_ANGLE_RAD = np.pi * (3 - np.sqrt(5))
 
 
@@ -46,7 +46,10 @@ def lamp_visibility(lamp: Lamp, surface: Surface, obstacles: Obstacles | None, s
 
 
 def _lamp_disc(lamp: Lamp, origins_m: FloatArray, samples: int) -> list[FloatArray]:
-    """Points (n, 3) on the lamp's disc that faces each origin, a sunflower of equal areas; 1 sample = the centre."""
+    """Points (n, 3) on the lamp's disc that faces each origin, a sunflower of equal areas; 1 sample = the centre.
+
+    Each origin turns the sunflower by its own angle, so that a penumbra is grained and not banded.
+    """
     centre_m = np.asarray(lamp.position_m, np.float32)
     if samples == 1:
         return [np.broadcast_to(centre_m, origins_m.shape)]
@@ -56,6 +59,8 @@ def _lamp_disc(lamp: Lamp, origins_m: FloatArray, samples: int) -> list[FloatArr
     across = np.cross(towards, np.where(upright, np.array([0, 0, 1], np.float32), np.array([1, 0, 0], np.float32)))
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     other = np.cross(towards, across)
+    turn = (np.arange(len(origins_m)) * GOLDEN_ANGLE_RAD % (2 * np.pi)).astype(np.float32)[:, None]
+    across, other = np.cos(turn) * across + np.sin(turn) * other, np.cos(turn) * other - np.sin(turn) * across
     radii = np.float32(lamp.radius_m) * np.sqrt((np.arange(samples) + 0.5) / samples)
     angles = GOLDEN_ANGLE_RAD * np.arange(samples)
     return [

@@ -31,23 +31,18 @@ def bounced_irradiance(
     pedestal: Pedestal, lamps: tuple[Lamp, ...], reflectance: MapReader, bounces: int
 ) -> SurfaceMaps:
     """Irradiance maps W/m^2 of light that met a wall 1 to `bounces` times before; zero maps for 0 bounces."""
-    patches = _patches(pedestal, 1)
-    given_w_m2 = _passed_on_direct(pedestal, lamps, reflectance)
-    albedo = _patch_means(pedestal, reflectance.read(_patches(pedestal, FINE).surface))
+    patches, fine = _patches(pedestal, 1), _patches(pedestal, FINE)
+    passed_on = reflectance.read(fine.surface)
+    albedo = _patch_means(fine, passed_on)
+    direct = np.zeros(passed_on.shape, np.float32)
+    for lamp in lamps:
+        direct += open_irradiance(lamp, fine.surface.points_m, fine.surface.normals)
+    given_w_m2 = _patch_means(fine, direct * passed_on)  # radiosity under direct light alone
     exchange = _form_factors(patches)
     arriving = np.zeros(len(patches.area_m2))
     for _ in range(bounces):
         arriving = exchange @ (given_w_m2 + albedo * arriving)
     return _as_maps(arriving.astype(np.float32))
-
-
-def _passed_on_direct(pedestal: Pedestal, lamps: tuple[Lamp, ...], reflectance: MapReader) -> FloatArray:
-    """Radiosity W/m^2 of every patch under direct light alone."""
-    fine = _patches(pedestal, FINE).surface
-    direct = np.zeros(fine.kind.shape, np.float32)
-    for lamp in lamps:
-        direct += open_irradiance(lamp, fine.points_m, fine.normals)
-    return _patch_means(pedestal, direct * reflectance.read(fine))
 
 
 def _form_factors(patches: Patches) -> FloatArray:
@@ -101,9 +96,9 @@ def _disc_cells(radius_m: float, cells: int) -> tuple[FloatArray, FloatArray, Fl
     return x * pull, y * pull, area
 
 
-def _patch_means(pedestal: Pedestal, fine_values: FloatArray) -> FloatArray:
+def _patch_means(fine: Patches, fine_values: FloatArray) -> FloatArray:
     """Area means of values on the fine cells, one per patch."""
-    area = _patches(pedestal, FINE).area_m2
+    area = fine.area_m2
     n_wall = WALL_PATCHES[0] * WALL_PATCHES[1] * FINE**2
     blocks = [(0, WALL_PATCHES), (n_wall, (DISC_PATCHES, DISC_PATCHES))]
     blocks.append((n_wall + (DISC_PATCHES * FINE) ** 2, (DISC_PATCHES, DISC_PATCHES)))

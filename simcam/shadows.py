@@ -21,6 +21,7 @@ from simcam.structures import IndexArray
 
 SAMPLES_PER_RADIUS = 4.0
 MAX_PLACES = 4
+SLOW_STEPS = 12
 JUMP = 8.0  # times the median step from pixel to pixel: the edge of structure
 
 
@@ -92,6 +93,12 @@ def _places_in_pixel(view: StaticView, pixel: IndexArray, leak: Leak, lamp: Lamp
     return (np.arange(count) + 0.5) / count - 0.5
 
 
+def _pixel_size(view: StaticView) -> float:
+    """Metres between the points of neighbouring pixels where they are far apart (95 %), on every eighth row."""
+    rows_m = view.points_m.reshape(3, *view.radiance.shape)[:, ::8]
+    return float(np.percentile(np.linalg.norm(np.diff(rows_m, axis=2), axis=0), 95))
+
+
 def _table(
     view: StaticView,
     pixel: IndexArray,
@@ -135,7 +142,8 @@ def _between_leak_and_lamp(view: StaticView, leak: Leak, lamp: Lamp) -> IndexArr
     ahead = x * ahead_x + y * ahead_y
     beside = np.abs(y * ahead_x - x * ahead_y)
     # similar triangles, with the widest penumbra that a point at distance `ahead` can be in
-    room = (leak.drop_radius_m * ahead + lamp.radius_m * (ahead - distance_m)) * 1.02 / distance_m + 0.01
+    room = (leak.drop_radius_m * ahead + lamp.radius_m * (ahead - distance_m)) * 1.02 / distance_m
+    room += np.float32(_pixel_size(view))
     return np.flatnonzero((beside < room) & (ahead > distance_m * 0.98 - 0.02))
 
 
@@ -144,12 +152,21 @@ def expose_shadow(image: FloatArray, table: ShadowTable, opens_s: FloatArray, cl
 
     `opens_s`, `closes_s` (height,): the rows' exposure in time since the drop's release.
     """
-    depth_open = np.minimum(fall_depth(opens_s), table.landing_m).astype(np.float32)
-    depth_close = np.minimum(fall_depth(closes_s), table.landing_m).astype(np.float32)
-    deepest = depth_close.max()
-    if deepest <= 0:
+    opens_s, closes_s = np.maximum(opens_s, 0), np.maximum(closes_s, 0)
+    if closes_s.max() <= 0:
         return
-    first, last = np.searchsorted(table.depth_m, (depth_open.min() - table.widest_m, deepest + table.widest_m))
+    # a sweep counts every depth alike, but a drop just released dwells near its leak: it is swept in short steps
+    steps = SLOW_STEPS if fall_depth(opens_s.min()) < 2 * table.widest_m else 1
+    edges = [opens_s + (closes_s - opens_s) * (step / steps) for step in range(steps + 1)]
+    depths = [np.minimum(fall_depth(edge_s), table.landing_m).astype(np.float32) for edge_s in edges]
+    for depth_open, depth_close in zip(depths[:-1], depths[1:], strict=True):
+        _sweep(image, table, depth_open, depth_close)
+
+
+def _sweep(image: FloatArray, table: ShadowTable, depth_open: FloatArray, depth_close: FloatArray) -> None:
+    """Take the shadow while the drop falls between two depths (height,)."""
+    reach_m = table.widest_m
+    first, last = np.searchsorted(table.depth_m, (depth_open.min() - reach_m, depth_close.max() + reach_m))
     part = slice(first, last)
     row, middle, reach = table.row[part], table.depth_m[part], table.reach_m[part]
     ends = np.stack([depth_open[row], depth_close[row]])

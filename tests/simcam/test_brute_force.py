@@ -15,10 +15,10 @@ SMALL = Lens(70.0, 96, 64)
 def leaks():
     return st.builds(
         lambda x, y, z, radius, times: Leak(x, y, z, radius, np.array(times)),
-        st.floats(-0.8, 2.0),
+        st.floats(-0.8, 2.3),
         st.floats(-0.8, 0.8),
         st.floats(0.2, 1.8),
-        st.floats(0.003, 0.015),
+        st.floats(0.003, 0.012),
         st.lists(st.floats(-0.6, 0.02), min_size=1, max_size=3),
     )
 

@@ -133,3 +133,13 @@ def test_a_drop_is_seen_only_between_its_release_and_its_landing():
     np.testing.assert_array_equal(changed(-0.34), still)
     assert np.abs(changed(-0.2) - still).max() > 0
     assert np.abs(changed(-0.30) - still).max() > 0
+
+
+@pytest.mark.parametrize("columns_px", [0.0, 0.3, 0.5, 0.8])
+def test_a_shadow_smaller_than_a_pixel_is_not_lost_between_the_pixels_centres(columns_px):
+    # 0.1 m before the wall, where a pixel of this camera is 44 mm wide and the shadow 20 mm
+    leak = Leak(2.4, 0.0, 0.5, 0.01, np.array([-0.25]))
+    camera = shifted(stereo_rig(lens=Lens(70.0, 156, 88)).left, columns_px, 0.0)
+    mask = shadow_mask(Scene(PEDESTAL, (Lamp((-2.3, 0.0, 0.2)),), (leak,)), camera, Recording(1, 12.0, 0.02), 0)
+    expected = np.pi * (0.01 * 4.8 / 4.7 * camera.camera_matrix[0, 0] / 4.9) ** 2
+    assert mask.sum(dtype=float) == pytest.approx(expected, rel=0.1)
