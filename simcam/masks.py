@@ -13,7 +13,7 @@ from simcam.lens import FloatArray
 from simcam.path import landing_m
 from simcam.recording import Recording
 from simcam.scene import Scene
-from simcam.shadows import expose_shadow, shadow_tables
+from simcam.shadows import expose_shadow, shadow_table
 from simcam.static import light_scene, static_view
 from simcam.streaks import coverage_table, expose_drop
 
@@ -71,8 +71,10 @@ def shadow_mask(scene: Scene, camera: Camera, recording: Recording, frame: int) 
     delays_s = recording.row_delays_s(camera.height_px)
     for leak in scene.leaks:
         falling_s = float(fall_time(landing_m(lit, leak)))
-        tables = [table for index in range(len(lit.lamps)) for table in shadow_tables(lit, lamps_on, leak, index)]
-        for table in tables:
+        for lamp_index in range(len(lit.lamps)):
+            table = shadow_table(lit, lamps_on, leak, lamp_index)
+            if table is None:
+                continue
             for released_s in leak.drop_times_s:
                 opens, closes = (
                     np.clip(edge + delays_s - released_s, 0, falling_s)

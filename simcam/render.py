@@ -17,7 +17,7 @@ from simcam.path import landing_m
 from simcam.recording import Recording
 from simcam.rig import StereoRig
 from simcam.scene import Leak, Scene
-from simcam.shadows import ShadowTable, expose_shadow, shadow_tables
+from simcam.shadows import ShadowTable, expose_shadow, shadow_table
 from simcam.static import LitScene, StaticView, light_scene, static_view
 from simcam.streaks import StreakTable, expose_drop, streak_table
 
@@ -63,7 +63,8 @@ class _Moving:
 
 
 def _leak_tables(lit: LitScene, view: StaticView, camera: Camera, leak: Leak) -> _Moving:
-    shadows = [table for index in range(len(lit.lamps)) for table in shadow_tables(lit, view, leak, index)]
+    tables = [shadow_table(lit, view, leak, index) for index in range(len(lit.lamps))]
+    shadows = [table for table in tables if table is not None]
     fall_s = float(fall_time(landing_m(lit, leak)))
     return _Moving(leak, fall_s, streak_table(lit, view, camera, leak), shadows)
 

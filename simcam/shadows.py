@@ -8,6 +8,7 @@ Slow definition: the integral over the exposure of penumbra.blocked_share (tests
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -19,9 +20,9 @@ from simcam.scene import Lamp, Leak
 from simcam.static import LitScene, StaticView
 from simcam.structures import IndexArray
 
-SAMPLES_PER_RADIUS = 4.0
-MAX_PLACES = 4
-SLOW_STEPS = 12
+PLACES_PER_RADIUS = 3.0  # of the shadow, in a pixel's square
+MAX_PLACES = 6  # along a side
+SLOW_STEPS = 12  # of the exposure in which a drop is released
 JUMP = 8.0  # times the median step from pixel to pixel: the edge of structure
 
 
@@ -44,8 +45,8 @@ class ShadowTable:
     widest_m: float
 
 
-def shadow_tables(lit: LitScene, view: StaticView, leak: Leak, lamp_index: int) -> list[ShadowTable]:
-    """Tables of one leak, lamp and view, one per place in the pixel's square; none when no pixel can be shaded.
+def shadow_table(lit: LitScene, view: StaticView, leak: Leak, lamp_index: int) -> ShadowTable | None:
+    """Table of one leak, lamp and view; None when no pixel can be shaded.
 
     A soft shadow is taken at the pixels' centres; one only a few pixels wide at several places, whose mean it is.
     """
@@ -53,17 +54,14 @@ def shadow_tables(lit: LitScene, view: StaticView, leak: Leak, lamp_index: int) 
     pixel = _between_leak_and_lamp(view, leak, lamp)
     pixel = pixel[view.direct[lamp_index, pixel] > 0]
     if pixel.size == 0:
-        return []
+        return None
     across_m, down_m = _pixel_steps(view, pixel)
     places = _places_in_pixel(view, pixel, leak, lamp, across_m)
-    share = np.float32(1 / len(places) ** 2)
-    centre_m, landing = view.points_m[:, pixel].astype(float), landing_m(lit, leak)
-    tables = [
-        _table(view, pixel, centre_m + right * across_m + below * down_m, leak, (lamp_index, lamp, landing, share))
-        for right in places
-        for below in places
-    ]
-    return [table for table in tables if table is not None]
+    centre_m = view.points_m[:, pixel].astype(float)
+    points_m = [centre_m + right * across_m + below * down_m for right in places for below in places]
+    radiance = view.direct[lamp_index, pixel] / np.float32(len(points_m))
+    spread = np.tile(pixel, len(points_m)), np.tile(radiance, len(points_m))
+    return _table(np.concatenate(points_m, axis=1), spread, leak, lamp, (view.radiance.shape[1], landing_m(lit, leak)))
 
 
 def _pixel_steps(view: StaticView, pixel: IndexArray) -> tuple[FloatArray, FloatArray]:
@@ -84,12 +82,12 @@ def _pixel_steps(view: StaticView, pixel: IndexArray) -> tuple[FloatArray, Float
 
 
 def _places_in_pixel(view: StaticView, pixel: IndexArray, leak: Leak, lamp: Lamp, across_m: FloatArray) -> FloatArray:
-    """Offsets from the centre in px: so many that they lie closer than a quarter of the drop's shadow."""
+    """Offsets from the centre in px: so many that they lie closer than a third of the radius of the drop's shadow."""
     away_m = np.hypot(*(view.points_m[:2, pixel] - np.array(lamp.position_m[:2], np.float32)[:, None])).max()
     leak_m = max(float(np.hypot(leak.x_m - lamp.position_m[0], leak.y_m - lamp.position_m[1])), lamp.radius_m)
     shadow_m = leak.drop_radius_m * away_m / leak_m + lamp.radius_m * max(away_m / leak_m - 1, 0)
     pixel_m = float(np.median(np.sqrt(np.sum(across_m * across_m, axis=0))))
-    count = int(np.clip(np.ceil(SAMPLES_PER_RADIUS * pixel_m / shadow_m), 1, MAX_PLACES))
+    count = int(np.clip(np.ceil(PLACES_PER_RADIUS * pixel_m / shadow_m), 1, MAX_PLACES))
     return (np.arange(count) + 0.5) / count - 0.5
 
 
@@ -100,14 +98,10 @@ def _pixel_size(view: StaticView) -> float:
 
 
 def _table(
-    view: StaticView,
-    pixel: IndexArray,
-    point_m: FloatArray,
-    leak: Leak,
-    lit_by: tuple[int, Lamp, float, np.float32],
+    point_m: FloatArray, spread: tuple[IndexArray, FloatArray], leak: Leak, lamp: Lamp, landing: tuple[int, float]
 ) -> ShadowTable | None:
-    """Table of points (3, n) in pixels (n,), each a share of its pixel."""
-    lamp_index, lamp, landing, share = lit_by
+    """Table of points (3, n) with their pixels (n,) and shares of the pixels' direct radiance (n,)."""
+    (pixel, radiance), (width_px, landing_depth_m) = spread, landing
     to_lamp = np.asarray(lamp.position_m)[:, None] - point_m
     flat_m = np.hypot(to_lamp[0], to_lamp[1])
     along = ((leak.x_m - point_m[0]) * to_lamp[0] + (leak.y_m - point_m[1]) * to_lamp[1]) / flat_m**2
@@ -117,17 +111,16 @@ def _table(
     depth_m = leak.z_m - (point_m[2] + along * to_lamp[2])
     reach_m = both_m / cos_elevation
     between = (along > 0) & (along < 1) & (np.abs(miss_m) < both_m)
-    kept = np.flatnonzero(between & (depth_m > -reach_m) & (depth_m < landing + reach_m))
+    kept = np.flatnonzero(between & (depth_m > -reach_m) & (depth_m < landing_depth_m + reach_m))
     if kept.size == 0:
         return None
     kept = kept[np.argsort(depth_m[kept], kind="stable")]
     # the overlap integrates to the drop's area: its share of the lamp's disc, spread over the plane in units of both_m
-    strength = share * np.pi * leak.drop_radius_m**2 / both_m**2
-    light = view.direct[lamp_index, pixel] * strength * reach_m
+    light = radiance * reach_m * np.pi * leak.drop_radius_m**2 / both_m**2
     columns = (depth_m, reach_m, table_row(leak.drop_radius_m / both_m, miss_m / both_m), light)
     depth, reach, overlap_row, lost = (column[kept].astype(np.float32) for column in columns)
-    row = pixel[kept] // view.radiance.shape[1]
-    return ShadowTable(pixel[kept], row, depth, reach, overlap_row, lost, landing, float(reach.max()))
+    row = pixel[kept] // width_px
+    return ShadowTable(pixel[kept], row, depth, reach, overlap_row, lost, landing_depth_m, float(reach.max()))
 
 
 def _between_leak_and_lamp(view: StaticView, leak: Leak, lamp: Lamp) -> IndexArray:
@@ -156,10 +149,12 @@ def expose_shadow(image: FloatArray, table: ShadowTable, opens_s: FloatArray, cl
     if closes_s.max() <= 0:
         return
     # a sweep counts every depth alike, but a drop just released dwells near its leak: it is swept in short steps
-    steps = SLOW_STEPS if fall_depth(opens_s.min()) < 2 * table.widest_m else 1
+    near_leak_m = 4 * table.widest_m
+    slow = table.depth_m[0] < near_leak_m and fall_depth(opens_s.min()) < near_leak_m
+    steps = SLOW_STEPS if slow else 1
     edges = [opens_s + (closes_s - opens_s) * (step / steps) for step in range(steps + 1)]
     depths = [np.minimum(fall_depth(edge_s), table.landing_m).astype(np.float32) for edge_s in edges]
-    for depth_open, depth_close in zip(depths[:-1], depths[1:], strict=True):
+    for depth_open, depth_close in pairwise(depths):
         _sweep(image, table, depth_open, depth_close)
 
 
@@ -167,12 +162,15 @@ def _sweep(image: FloatArray, table: ShadowTable, depth_open: FloatArray, depth_
     """Take the shadow while the drop falls between two depths (height,)."""
     reach_m = table.widest_m
     first, last = np.searchsorted(table.depth_m, (depth_open.min() - reach_m, depth_close.max() + reach_m))
+    if last <= first:
+        return
     part = slice(first, last)
     row, middle, reach = table.row[part], table.depth_m[part], table.reach_m[part]
     ends = np.stack([depth_open[row], depth_close[row]])
     travel = np.clip((ends - middle) / reach, -1, 1)
     enters, leaves = swept_overlap(table.overlap_row[part], travel)
-    image[table.pixel[part]] -= table.light[part] * (leaves - enters) / _mean_speed(*(middle + travel * reach))
+    lost = table.light[part] * (leaves - enters) / _mean_speed(*(middle + travel * reach))
+    np.subtract.at(image, table.pixel[part], lost)  # a pixel may be there several times
 
 
 def _mean_speed(enters_m: FloatArray, leaves_m: FloatArray) -> FloatArray:
