@@ -17,8 +17,8 @@ from scipy.stats import binomtest
 from scenarios.estimators import Broken, EstimatorSpec, run_estimator
 from scenarios.outcome import outcomes
 from scenarios.score import score
-from scenarios.simulate import SimulatedClip, simulate
-from scenarios.space import STRATA, samples
+from scenarios.simulate import simulate
+from scenarios.space import STRATA, scene_of
 from scenarios.statistics import clopper_pearson
 from scenarios.truth import LeakTruth, Truth
 
@@ -62,7 +62,7 @@ def run_bench(estimator: EstimatorSpec, n_scenes: int, seed: int, n_workers: int
 
 def run_trial(work: Work) -> Trial:
     """Simulate one scene, run the estimator on it and say what came out."""
-    clip = scene(work.stratum, work.number, work.seed)
+    clip = simulate(scene_of(work.stratum, work.number, work.seed))
     answer = run_estimator(work.estimator, clip)
     of = {which: sum(counts(leak) for leak in clip.truth.leaks) for which, counts in COUNTED.items()}
     if isinstance(answer, Broken):
@@ -103,13 +103,6 @@ COUNTED = {
     "in_view": lambda leak: leak.in_view,
     "observable": lambda leak: leak.observable,
 }
-
-
-def scene(stratum: str, number: int, seed: int) -> SimulatedClip:
-    """Simulate scene `number` of a stratum."""
-    (space,) = (space for space in STRATA if space.name == stratum)
-    *_, scenario = samples(space, number + 1, seed)
-    return simulate(scenario)
 
 
 def metres_per_px(truth: Truth, leak: LeakTruth) -> float:

@@ -1,64 +1,18 @@
 """The command line: `leakloc`, or `python -m scenarios`."""
 
 import json
-import sys
-from collections.abc import Callable
-from functools import wraps
 from pathlib import Path
 from typing import Any
 
 import click
 
-from scenarios.clip_folder import DamagedClipError, has_manifest, verify_clip, write_clip
+from scenarios.cli_bench import bench, explain
+from scenarios.cli_options import FILE, FOLDER, clear_errors, scenario_options
+from scenarios.clip_folder import has_manifest, verify_clip, write_clip
 from scenarios.output_folder import OutputError, creating, replacing
 from scenarios.scenario import Scenario
-from scenarios.scenario_file import ScenarioError, library_names, read_scenario
-from scenarios.truth import TruthError, read_truth
-
-INPUT_ERRORS = (ScenarioError, TruthError, OutputError, DamagedClipError)
-BAD_INPUT = 2
-FOLDER = click.Path(path_type=Path, file_okay=False)
-FILE = click.Path(path_type=Path, dir_okay=False)
-
-
-def clear_errors(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Turn an error of the user's input into one message and exit code 2; anything else is a defect and may be seen."""
-
-    @wraps(command)
-    def wrapped(*args: Any, **options: Any) -> Any:
-        from leakloc import ClipError, ResultError, RigError
-        from scenarios.bench_command import BaselineError
-        from scenarios.estimators import EstimatorError
-        from scenarios.irradiate import FramesError
-
-        foreign = (ClipError, RigError, ResultError, FramesError, EstimatorError, BaselineError)
-        try:
-            return command(*args, **options)
-        except (*INPUT_ERRORS, *foreign) as error:
-            for line in str(error).splitlines():
-                click.echo(f"Error: {line}", err=True)
-            sys.exit(BAD_INPUT)
-
-    return wrapped
-
-
-def scenario_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """SCENARIO with --set and --seed, as every command that reads a scenario has them."""
-    for decorate in (
-        click.option(
-            "--seed", type=click.IntRange(min=0), help="Replace the scenario's seed: other draws, same rules."
-        ),
-        click.option(
-            "--set",
-            "overrides",
-            multiple=True,
-            metavar="KEY=VALUE",
-            help="Change a value, say gamma.dose_rate_gy_h=3.3 or leak.0.x_m=1.2; repeatable.",
-        ),
-        click.argument("scenario", metavar="SCENARIO"),
-    ):
-        command = decorate(command)
-    return command
+from scenarios.scenario_file import library_names, read_scenario
+from scenarios.truth import read_truth
 
 
 @click.group(
@@ -199,51 +153,6 @@ def demo(destination: Path, seed: int | None, *, force: bool) -> None:
 
 @main.command()
 @scenario_options
-@click.option("--method", type=click.Choice(["paper", "naive"]), default="paper", show_default=True)
-@click.option("-o", "--output", "destination", type=FILE, help="Write a page with pictures here.")
-@clear_errors
-def explain(scenario: str, overrides: tuple[str, ...], seed: int | None, method: str, destination: Path | None) -> None:
-    """Say why an estimator fails: the same scene without one cause at a time."""
-    from scenarios.estimators import EstimatorSpec
-    from scenarios.explain import causes, explain_html, table
-    from scenarios.explain import explain as explained
-    from scenarios.leaks import resolved
-    from scenarios.output_folder import write_file
-    from scenarios.progress import progress
-
-    whole = resolved(read_scenario(scenario, overrides, seed))
-    arms = list(progress(explained(whole, EstimatorSpec("method", method)), "runs", 1 + len(causes(whole))))
-    click.echo(table(arms))
-    if destination is not None:
-        write_file(destination, explain_html(arms))
-        click.echo(f"\npictures: {destination}")
-
-
-@main.command()
-@click.option("--method", type=click.Choice(["paper", "naive"]), help="One of ours.")
-@click.option(
-    "--estimator", metavar="MODULE:FUNCTION", help="Python: function(left, right, rig) -> Estimate or (x, y)s."
-)
-@click.option("--command", metavar="COMMAND", help='Anything: "mytool {clip} {result}".')
-@click.option("--scenes", type=click.IntRange(1, 100_000), default=40, show_default=True, help="Of each stratum.")
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
-@click.option("--workers", type=click.IntRange(1, 256), default=2, show_default=True)
-@click.option(
-    "--timeout", type=click.FloatRange(0.0, 3600.0, min_open=True), default=60.0, show_default=True, help="s a clip."
-)
-@click.option("--json", type=FILE, help="Write every trial here; serves as a later run's baseline.")
-@click.option("--junit", type=FILE, help="Write JUnit XML here.")
-@click.option("--baseline", type=FILE, help="Earlier --json: exit with 1 when this run is worse.")
-@clear_errors
-def bench(**options: Any) -> None:
-    """Test an estimator on scenes it cannot see the truth of: what it finds, what it misses, and why."""
-    from scenarios.bench_command import bench as benched
-
-    benched(options)
-
-
-@main.command()
-@scenario_options
 @clear_errors
 def check(scenario: str, overrides: tuple[str, ...], seed: int | None) -> None:
     """Read a scenario, report every mistake in it, or say what it holds."""
@@ -292,3 +201,7 @@ def _summary(scenario: Scenario, source: str) -> str:
         drops = f"{len(leak.drop_times_s or ())} drops of radius {1e3 * leak.drop_radius_m:g} mm"
         rows.append(f"             {leak.x_m:6.3f} {leak.y_m:7.3f} m, {drops}")
     return "\n".join(rows)
+
+
+main.add_command(bench)
+main.add_command(explain)

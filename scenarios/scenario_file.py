@@ -1,6 +1,7 @@
 """Read scenario files: TOML in, a frozen scenario or *all* of its mistakes out, each with file, key, value and rule."""
 
 import difflib
+import re
 import tomllib
 from collections.abc import Iterator, Sequence
 from importlib.resources import files
@@ -11,9 +12,11 @@ from pydantic import BaseModel, ValidationError
 
 from scenarios.rules import violations
 from scenarios.scenario import Scenario
+from scenarios.space import scene_of
 
 MAX_FILE_BYTES = 1_000_000
 SHOWN_VALUE_CHARS = 60
+BENCH_SCENE = re.compile(r"(?P<stratum>easy|nominal|hard):(?P<number>\d{1,5})(:(?P<seed>\d{1,9}))?")
 
 TYPE_RULES = {
     "float_type": "must be a number",
@@ -39,12 +42,12 @@ def library_names() -> list[str]:
 
 
 def read_scenario(path_or_name: str | Path, overrides: Sequence[str] = (), seed: int | None = None) -> Scenario:
-    """Read a scenario file, or a shipped scenario by its name, with `key.path=value` overrides.
+    """Read a scenario file, a shipped scenario by its name or a scene of the bench, with `key.path=value` overrides.
 
-    A path wins over a name of the library only when such a file exists. Raises ScenarioError with all mistakes.
+    A scene of the bench is `stratum:number`, or `stratum:number:seed` of another run than seed 0. A path wins over a
+    name only when such a file exists. Raises ScenarioError with all mistakes.
     """
-    source, text = _text_of(path_or_name)
-    data = parse_toml(text, source)
+    source, data = _data_of(path_or_name)
     for override in overrides:
         _apply(override, data)
     if seed is not None:
@@ -89,6 +92,16 @@ def validated(data: dict[str, Any], source: str) -> Scenario:
 
 def _library() -> Any:
     return files("scenarios") / "library"
+
+
+def _data_of(path_or_name: str | Path) -> tuple[str, dict[str, Any]]:
+    name = str(path_or_name)
+    if not Path(name).exists() and (place := BENCH_SCENE.fullmatch(name)):
+        return name, scene_of(place["stratum"], int(place["number"]), int(place["seed"] or 0)).model_dump(
+            mode="json", exclude_none=True
+        )
+    source, text = _text_of(path_or_name)
+    return source, parse_toml(text, source)
 
 
 def _text_of(path_or_name: str | Path) -> tuple[str, str]:

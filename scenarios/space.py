@@ -11,7 +11,6 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.stats import qmc
 
 from scenarios.draws import seed_of_clip
 from scenarios.scenario import LayoutTable, LeakTable, Scenario
@@ -141,6 +140,8 @@ STRATA = (EASY, NOMINAL, HARD)
 
 def samples(space: Space, n: int, seed: int) -> Iterator[Scenario]:
     """Quasi-random scenarios of a space (scrambled Halton): the first n do not depend on how many follow."""
+    from scipy.stats import qmc  # half a second of imports that most commands do not need
+
     points = qmc.Halton(len(space.axes) + 1, rng=np.random.default_rng(seed)).random(n)
     for number, point in enumerate(points):
         n_leaks = 1 + min(int(point[-1] * space.max_leaks), space.max_leaks - 1)
@@ -149,6 +150,13 @@ def samples(space: Space, n: int, seed: int) -> Iterator[Scenario]:
             n_leaks=n_leaks, min_separation_m=space.min_separation_m, wall_margin_m=space.wall_margin_m, **PAPER_DRIP
         )
         yield scenario_at(space, values, seed_of_clip(seed, number)).model_copy(update={"layout": layout})
+
+
+def scene_of(stratum: str, number: int, seed: int) -> Scenario:
+    """Scene `number` of a stratum's samples."""
+    (space,) = (space for space in STRATA if space.name == stratum)
+    *_, scenario = samples(space, number + 1, seed)
+    return scenario
 
 
 def scenarios(space: Space) -> "SearchStrategy[Scenario]":

@@ -10,7 +10,7 @@ import pytest
 
 from scenarios.bench import Trial, run_trial, summary, table, worse_than
 from scenarios.bench import Work as BenchWork
-from scenarios.bench_command import BaselineError, read_baseline
+from scenarios.cli_bench import BaselineError, read_baseline
 from scenarios.estimators import Broken, EstimatorError, EstimatorSpec, run_estimator
 from scenarios.junit import junit_xml
 from scenarios.scenario_file import read_scenario

@@ -1,13 +1,20 @@
-"""`leakloc bench`: the suite of scenes on anybody's estimator, with an exit code for CI."""
+"""`leakloc explain` and `leakloc bench`: why an estimator fails, and how often."""
+
+from __future__ import annotations
 
 import json
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from scenarios.cli_options import FILE, chosen_estimator, clear_errors, estimator_options, scenario_options
 from scenarios.output_folder import write_file, write_json
+from scenarios.scenario_file import read_scenario
+
+if TYPE_CHECKING:
+    from scenarios.estimators import EstimatorSpec
 
 MAX_BASELINE_BYTES = 100_000_000
 NOT_GOOD_ENOUGH = 1
@@ -17,16 +24,13 @@ class BaselineError(ValueError):
     """A baseline that cannot be compared with; the message names the file and the rule."""
 
 
-def bench(options: dict[str, Any]) -> None:
+def run_bench_command(spec: EstimatorSpec, options: dict[str, Any]) -> None:
     """Run the bench as the command line's options say; exits with 1 when the estimator is not good enough."""
     from scenarios.bench import as_json, run_bench, table, worse_than
-    from scenarios.estimators import EstimatorSpec
     from scenarios.junit import junit_xml
     from scenarios.progress import progress
     from scenarios.space import STRATA
 
-    kind, text = _chosen(options)
-    spec = EstimatorSpec(kind, text, options["timeout"])
     baseline = read_baseline(options["baseline"]) if options["baseline"] else None
     total = options["scenes"] * len(STRATA)
     running = run_bench(spec, options["scenes"], options["seed"], options["workers"])
@@ -35,7 +39,7 @@ def bench(options: dict[str, Any]) -> None:
     if options["json"]:
         write_json(options["json"], as_json(trials, spec, options["seed"]))
     if options["junit"]:
-        write_file(options["junit"], junit_xml(trials, text))
+        write_file(options["junit"], junit_xml(trials, spec.text))
     problems = [f"{trial.stratum} {trial.number}: {trial.codes[0]}: {trial.detail}" for trial in trials if trial.detail]
     if baseline is not None:
         try:
@@ -65,9 +69,40 @@ def read_baseline(path: Path) -> dict[str, Any]:
     return dict(content)
 
 
-def _chosen(options: dict[str, Any]) -> tuple[Any, str]:
-    given = [(kind, options[kind]) for kind in ("method", "estimator", "command") if options[kind]]
-    if len(given) != 1:
-        raise click.UsageError("exactly one of --method, --estimator and --command says what is tested")
-    kind, text = given[0]
-    return ("callable" if kind == "estimator" else kind), text
+@click.command()
+@scenario_options
+@estimator_options
+@click.option("-o", "--output", "destination", type=FILE, help="Write a page with pictures here.")
+@clear_errors
+def explain(
+    scenario: str, overrides: tuple[str, ...], seed: int | None, destination: Path | None, **estimator: Any
+) -> None:
+    """Say why an estimator fails: the same scene without one cause at a time.
+
+    SCENARIO may also be a scene of the bench: nominal:7.
+    """
+    from scenarios.explain import causes, explain_html, table
+    from scenarios.explain import explain as explained
+    from scenarios.leaks import resolved
+    from scenarios.progress import progress
+
+    whole = resolved(read_scenario(scenario, overrides, seed))
+    arms = list(progress(explained(whole, chosen_estimator(estimator)), "runs", 1 + len(causes(whole))))
+    click.echo(table(arms))
+    if destination is not None:
+        write_file(destination, explain_html(arms))
+        click.echo(f"\npictures: {destination}")
+
+
+@click.command()
+@estimator_options
+@click.option("--scenes", type=click.IntRange(1, 100_000), default=40, show_default=True, help="Of each stratum.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
+@click.option("--workers", type=click.IntRange(1, 256), default=2, show_default=True)
+@click.option("--json", type=FILE, help="Write every trial here; serves as a later run's baseline.")
+@click.option("--junit", type=FILE, help="Write JUnit XML here.")
+@click.option("--baseline", type=FILE, help="Earlier --json: exit with 1 when this run is worse.")
+@clear_errors
+def bench(**options: Any) -> None:
+    """Test an estimator on scenes it cannot see the truth of: what it finds, what it misses, and why."""
+    run_bench_command(chosen_estimator(options), options)

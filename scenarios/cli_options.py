@@ -1,0 +1,86 @@
+"""Options and errors that the commands share."""
+
+import sys
+from collections.abc import Callable
+from functools import wraps
+from pathlib import Path
+from typing import Any
+
+import click
+
+from scenarios.clip_folder import DamagedClipError
+from scenarios.output_folder import OutputError
+from scenarios.scenario_file import ScenarioError
+from scenarios.truth import TruthError
+
+INPUT_ERRORS = (ScenarioError, TruthError, OutputError, DamagedClipError)
+BAD_INPUT = 2
+FOLDER = click.Path(path_type=Path, file_okay=False)
+FILE = click.Path(path_type=Path, dir_okay=False)
+
+
+def clear_errors(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Turn an error of the user's input into one message and exit code 2; anything else is a defect and may be seen."""
+
+    @wraps(command)
+    def wrapped(*args: Any, **options: Any) -> Any:
+        from leakloc import ClipError, ResultError, RigError
+        from scenarios.cli_bench import BaselineError
+        from scenarios.estimators import EstimatorError
+        from scenarios.irradiate import FramesError
+
+        foreign = (ClipError, RigError, ResultError, FramesError, EstimatorError, BaselineError)
+        try:
+            return command(*args, **options)
+        except (*INPUT_ERRORS, *foreign) as error:
+            for line in str(error).splitlines():
+                click.echo(f"Error: {line}", err=True)
+            sys.exit(BAD_INPUT)
+
+    return wrapped
+
+
+def scenario_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """SCENARIO with --set and --seed, as every command that reads a scenario has them."""
+    for decorate in (
+        click.option(
+            "--seed", type=click.IntRange(min=0), help="Replace the scenario's seed: other draws, same rules."
+        ),
+        click.option(
+            "--set",
+            "overrides",
+            multiple=True,
+            metavar="KEY=VALUE",
+            help="Change a value, say gamma.dose_rate_gy_h=3.3 or leak.0.x_m=1.2; repeatable.",
+        ),
+        click.argument("scenario", metavar="SCENARIO"),
+    ):
+        command = decorate(command)
+    return command
+
+
+def estimator_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """One of ours, a Python callable or a command, as every command that tests an estimator has them."""
+    for decorate in (
+        click.option(
+            "--timeout", type=click.FloatRange(0.0, 3600.0, min_open=True), default=60.0, show_default=True, help="s."
+        ),
+        click.option("--command", metavar="COMMAND", help='Anything: "mytool {clip} {result}".'),
+        click.option(
+            "--estimator", metavar="MODULE:FUNCTION", help="Python: f(left, right, rig) -> (x, y)s or Estimate."
+        ),
+        click.option("--method", type=click.Choice(["paper", "robust", "naive"]), help="One of ours."),
+    ):
+        command = decorate(command)
+    return command
+
+
+def chosen_estimator(options: dict[str, Any]) -> Any:
+    """Return the specification of the one estimator that the options name."""
+    from scenarios.estimators import EstimatorSpec
+
+    kinds = {"method": "method", "estimator": "callable", "command": "command"}
+    given: list[tuple[Any, str]] = [(kind, options[name]) for name, kind in kinds.items() if options[name]]
+    if len(given) != 1:
+        raise click.UsageError("exactly one of --method, --estimator and --command must say what is tested")
+    return EstimatorSpec(*given[0], options["timeout"])
