@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from leakloc.background import Frames, TemporalMedian, column_vectors, temporal_median
-from leakloc.columns import column_profile
+from leakloc.background import Frames
 from leakloc.detect import detect_columns, threshold_grey
 from leakloc.estimate import Estimate, LeakEstimate
 from leakloc.match import match_columns
 from leakloc.rig import Rig, depths_m
+from leakloc.subtractors import SUBTRACTORS, ColumnForeground
 from leakloc.triangulate import column_planes, meet_at_camera_height, undistort_columns
 
 LEAK, PARALLEL, BEHIND = "leak", "parallel planes", "behind a camera"
@@ -31,11 +31,13 @@ LEAK, PARALLEL, BEHIND = "leak", "parallel planes", "behind a camera"
 class PaperOptions:
     """The two numbers of Algorithm 1: threshold factor on std(g), and half the width of the suppression window.
 
-    Raises ValueError if `k_sigma` is not finite and >= 0 or `g_win_px` not a whole number >= 0.
+    `subtractor` is "median" (the paper's), or "mean" or "mog2" to show what the paper says of others. Raises ValueError
+    if `k_sigma` is not finite and >= 0, `g_win_px` not a whole number >= 0 or the subtractor not known.
     """
 
     k_sigma: float = 2.0
     g_win_px: int = 10
+    subtractor: str = "median"
 
     def __post_init__(self) -> None:
         """Refuse numbers that Algorithm 1 has no meaning for."""
@@ -43,14 +45,16 @@ class PaperOptions:
             raise ValueError(f"PaperOptions: k_sigma must be finite and >= 0, got {self.k_sigma}")
         if not isinstance(self.g_win_px, int | np.integer) or self.g_win_px < 0:
             raise ValueError(f"PaperOptions: g_win_px must be a whole number >= 0, got {self.g_win_px}")
+        if self.subtractor not in SUBTRACTORS:
+            known = ", ".join(SUBTRACTORS)
+            raise ValueError(f"PaperOptions: subtractor must be one of {known}, got {self.subtractor!r}")
 
 
 @dataclass(frozen=True, eq=False)
 class ColumnView:
     """What the method knows of one view: eq. 1-3 and Algorithm 1. Candidate columns ascend."""
 
-    frames: Frames
-    median: TemporalMedian
+    foreground: ColumnForeground
     profile_grey: NDArray[np.float64]
     threshold_grey: float
     candidate_columns_px: NDArray[np.intp]
@@ -58,16 +62,16 @@ class ColumnView:
 
 def view_columns(frames: Frames, options: PaperOptions) -> ColumnView:
     """Background, profile and candidate columns of one view, frames (n, height, width) uint8 or uint16."""
-    frames = np.ascontiguousarray(frames)  # OpenCV and the cache want whole rows
-    median = temporal_median(frames)
-    profile = column_profile(frames, median)
+    subtract = SUBTRACTORS[options.subtractor]
+    foreground = subtract(np.ascontiguousarray(frames))  # OpenCV and the cache want whole rows
+    profile = foreground.profile_grey
     candidates = detect_columns(profile, k_sigma=options.k_sigma, g_win_px=options.g_win_px)
-    return ColumnView(frames, median, profile, threshold_grey(profile, options.k_sigma), candidates)
+    return ColumnView(foreground, profile, threshold_grey(profile, options.k_sigma), candidates)
 
 
 def match_views(left: ColumnView, right: ColumnView) -> NDArray[np.intp]:
     """Matched columns (pairs, 2) of the left and right image, px (Algorithm 2)."""
-    vectors = [column_vectors(view.frames, view.median, view.candidate_columns_px) for view in (left, right)]
+    vectors = [view.foreground.vectors(view.candidate_columns_px) for view in (left, right)]
     chosen = match_columns(*vectors)
     return np.stack([left.candidate_columns_px[chosen[:, 0]], right.candidate_columns_px[chosen[:, 1]]], axis=1)
 
