@@ -9,12 +9,13 @@ import time
 from collections import defaultdict
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "simcam"))
 
 from brute_force import BruteForce
-from reference_clips import compared, disc_light, pooled_light
+from reference_clips import REFERENCE, VIEWS, compared, described, disc_light, linear, pooled_light, read_reference
 from reference_drops import close_ups, glint_light, inside, without_glints
 
 import simcam.streaks
@@ -44,7 +45,14 @@ FEW = 15  # streaks below which a median is noise
 
 
 def main() -> None:
-    parts = {"speed": speed, "agreement": agreement, "drops": drops, "clips": clips, "penumbra": penumbra}
+    parts = {
+        "speed": speed,
+        "agreement": agreement,
+        "background": background,
+        "drops": drops,
+        "clips": clips,
+        "penumbra": penumbra,
+    }
     for name in sys.argv[1:] or parts:
         print(f"-- {name}")
         parts[name]()
@@ -123,6 +131,21 @@ def agreement() -> None:
     line("fast against brute force: within 1 grey (99.9 %), worst (3)", f"{100 * share:.3f} %, {worst:.2f} grey")
 
 
+def background() -> None:
+    _, description = read_reference("separated")
+    scene, rig, _ = described(description, UniformTexture(0.3))
+    for view in VIEWS:
+        image = cv2.imread(str(REFERENCE / f"uniform_{view}.png"), cv2.IMREAD_UNCHANGED)
+        theirs, ours = _blocks(linear(image)), _blocks(static_view(scene, getattr(rig, view)).direct.sum(axis=0))
+        ratio = theirs / ((theirs * ours).sum() / (ours * ours).sum() * ours)
+        correlation = np.corrcoef(theirs.ravel(), ours.ravel())[0, 1]
+        line(f"{view}: correlation (0.999), ratio (1 %)", f"{correlation:.5f}, {ratio.min():.4f} to {ratio.max():.4f}")
+
+
+def _blocks(image):
+    return image.reshape(18, 30, 32, 30).mean(axis=(1, 3))
+
+
 def drops() -> None:
     ratios, glints = [], []
     for one in close_ups():
@@ -168,6 +191,7 @@ def clips() -> None:
                 f"{np.median(together[:, 1:], axis=0)} {np.round(100 * ends, 1)} %",
             )
     glints, simcam.streaks.drop_glints = simcam.streaks.drop_glints, lambda _, nodes: no_glints(len(nodes.fall_s))
+    found = {}
     for hidden in (1.0, 0.7, 0.4):
         light = pooled_light("separated", render_clip, hidden)
         drop, shadow = (light[kind].sum(axis=0) for kind in ("drop", "shadow"))
@@ -177,6 +201,10 @@ def clips() -> None:
             f"{shadow[1] / shadow[0]:.3f} {drop[0] / disc_light('separated'):+.4f} "
             f"{drop[1] / disc_light('separated'):+.4f} (reference's noise {noise:.4f})",
         )
+        found[hidden] = (drop[1], shadow[1] / shadow[0])
+    mirrored = np.interp(drop[0], [found[hidden][0] for hidden in (0.4, 0.7, 1.0)], [0.4, 0.7, 1.0])
+    shadow_ratio = np.interp(mirrored, [0.4, 0.7, 1.0], [found[hidden][1] for hidden in (0.4, 0.7, 1.0)])
+    line("unseen wall as the drops mirror it, shadow ratio there (10 %)", f"{mirrored:.2f} x seen: {shadow_ratio:.3f}")
     simcam.streaks.drop_glints = glints
 
 

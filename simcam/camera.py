@@ -48,6 +48,11 @@ class Camera:
         """Centre of projection (3,) in the world."""
         return self.world_from_camera[:3, 3]
 
+    @property
+    def middle_px(self) -> FloatArray:
+        """Middle (2,) of the image: (W - 1) / 2, (H - 1) / 2."""
+        return np.array([self.width_px - 1, self.height_px - 1]) / 2
+
     def depth(self, points_world_m: FloatArray) -> FloatArray:
         """Distance in metres along the optical axis of points (..., 3)."""
         return (np.asarray(points_world_m) - self.centre_world_m) @ self.rotation[:, 2]

@@ -11,7 +11,7 @@ from simcam.scene import Leak
 from simcam.static import LitScene
 
 PATH_POINTS = 513
-EDGE_PX = 40.0  # a drop's centre may be this far outside while its rim is inside
+RIM_RADII, RIM_PX = 2.0, 2.0  # how far outside a drop's centre may be while its rim is inside
 
 
 @dataclass(frozen=True)
@@ -61,10 +61,11 @@ def drop_path(camera: Camera, leak: Leak, landing: float) -> DropPath | None:
     Raises ValueError when the image line is not followed downwards (a camera rolled by more than 90 degrees).
     """
     coarse_s = np.linspace(0.0, float(fall_time(landing)), PATH_POINTS)
-    pixels = camera.project(_places(leak, coarse_s))
-    inside = (pixels[:, 1] > -EDGE_PX) & (pixels[:, 1] < camera.height_px + EDGE_PX)
-    inside &= (pixels[:, 0] > -EDGE_PX) & (pixels[:, 0] < camera.width_px + EDGE_PX)
-    seen = np.flatnonzero(inside)
+    places_m = _places(leak, coarse_s)
+    depth_m = np.maximum(camera.depth(places_m), leak.drop_radius_m)
+    rim_px = RIM_PX + RIM_RADII * leak.drop_radius_m * camera.camera_matrix[0, 0] / depth_m
+    outside = np.abs(camera.project(places_m) - camera.middle_px) - np.array([camera.width_px, camera.height_px]) / 2
+    seen = np.flatnonzero((outside < rim_px[:, None]).all(axis=1))
     if seen.size == 0:
         return None
     first, last = max(seen[0] - 1, 0), min(seen[-1] + 1, PATH_POINTS - 1)

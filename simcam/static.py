@@ -39,15 +39,11 @@ class LitScene:
     def direct_radiance(self, surface: Surface, samples: int) -> FloatArray:
         """Radiance W m^-2 sr^-1 (lamps, n) that each lamp's direct light gives; `samples` shadow rays per lamp."""
         lambert = self.reflectances(surface) / np.float32(np.pi)
-        return np.stack(
-            [
-                lambert
-                * open_irradiance(lamp, surface.points_m, surface.normals)
-                * lamp_visibility(lamp, surface, self.obstacles, samples)
-                for lamp in self.lamps
-            ]
-            or [np.zeros((0, surface.kind.size), np.float32)]
-        ).reshape(len(self.lamps), -1)
+        direct = np.zeros((len(self.lamps), surface.kind.size), np.float32)
+        for lamp, radiance in zip(self.lamps, direct, strict=True):
+            seen = lamp_visibility(lamp, surface, self.obstacles, samples)
+            radiance[:] = lambert * open_irradiance(lamp, surface.points_m, surface.normals) * seen
+        return direct
 
     def bounced_radiance(self, surface: Surface) -> FloatArray:
         """Radiance W m^-2 sr^-1 (n,) of light that came by way of other walls."""
