@@ -79,9 +79,7 @@ def run_command(spec: EstimatorSpec, clip: SimulatedClip) -> Answer:
         write_estimators_clip(clip, folder)
         words = [word.format(clip=folder, result=result) for word in shlex.split(spec.text)]
         try:
-            done = subprocess.run(
-                words, capture_output=True, text=True, timeout=spec.timeout_s, check=False, cwd=temporary
-            )
+            done = subprocess.run(words, capture_output=True, text=True, timeout=spec.timeout_s, check=False)
         except subprocess.TimeoutExpired:
             return Broken("timeout", f"no result within {spec.timeout_s:g} s")
         except OSError as error:

@@ -1,13 +1,16 @@
 """Anybody's estimator on the bench: it sees frames and rig alone, and whatever it does is an outcome."""
 
 import json
+import shutil
 import sys
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 
+from leakloc.paper import triangulate_columns
 from scenarios.bench import Trial, run_trial, summary, table, worse_than
 from scenarios.bench import Work as BenchWork
 from scenarios.cli_bench import BaselineError, read_baseline
@@ -176,3 +179,14 @@ def test_a_trial_of_the_bench_is_the_same_again():
     work = BenchWork(EstimatorSpec("method", "paper"), "easy", 1, 0)
     assert run_trial(work) == run_trial(work)
     assert json.dumps(run_trial(work).codes)
+
+
+@pytest.mark.skipif(shutil.which("perl") is None, reason="the worked example needs Perl")
+def test_the_worked_example_that_is_not_python_keeps_the_contract(clip):
+    example = Path(__file__).parents[2] / "docs" / "estimators" / "brightest.pl"
+    estimate = run_estimator(EstimatorSpec("command", f"perl {example} {{clip}} {{result}}"), clip)
+    assert not isinstance(estimate, Broken), estimate
+    places = {(round(leak.x_m, 3), round(leak.y_m, 3)) for leak in estimate.leaks}
+    for leak in estimate.leaks:  # the same columns by our own triangulation
+        (x_m, y_m), *_ = triangulate_columns(np.array([[leak.left_column_px, leak.right_column_px]]), clip.believed_rig)
+        assert (round(float(x_m), 3), round(float(y_m), 3)) in places
