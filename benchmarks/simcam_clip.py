@@ -192,7 +192,7 @@ def clips() -> None:
             )
     glints, simcam.streaks.drop_glints = simcam.streaks.drop_glints, lambda _, nodes: no_glints(len(nodes.fall_s))
     found = {}
-    for hidden in (1.0, 0.7, 0.4):
+    for hidden in (1.0, 0.55, 0.1):
         light = pooled_light("separated", render_clip, hidden)
         drop, shadow = (light[kind].sum(axis=0) for kind in ("drop", "shadow"))
         noise = light["drop"][:, 0].std() * np.sqrt(len(light["drop"])) / disc_light("separated")
@@ -202,9 +202,12 @@ def clips() -> None:
             f"{drop[1] / disc_light('separated'):+.4f} (reference's noise {noise:.4f})",
         )
         found[hidden] = (drop[1], shadow[1] / shadow[0])
-    mirrored = np.interp(drop[0], [found[hidden][0] for hidden in (0.4, 0.7, 1.0)], [0.4, 0.7, 1.0])
-    shadow_ratio = np.interp(mirrored, [0.4, 0.7, 1.0], [found[hidden][1] for hidden in (0.4, 0.7, 1.0)])
-    line("unseen wall as the drops mirror it, shadow ratio there (10 %)", f"{mirrored:.2f} x seen: {shadow_ratio:.3f}")
+    per_hidden = np.polyfit(list(found), [values[0] for values in found.values()], 1)
+    shadows = np.polyfit(list(found), [values[1] for values in found.values()], 2)
+    noise *= disc_light("separated")
+    mirrored = (drop[0] + noise * np.array([-1, 0, 1]) - per_hidden[1]) / per_hidden[0]
+    line("unseen wall as the drops mirror it, -1, 0, +1 sigma", f"{np.round(mirrored, 2)} x seen")
+    line("  shadow ratio there (10 %)", f"{np.round(np.polyval(shadows, mirrored), 3)}")
     simcam.streaks.drop_glints = glints
 
 
