@@ -1,0 +1,145 @@
+"""Is a line a leak's drops, or a shadow? Polarity, lamp and wall decide; every refusal has its reason."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from leakloc.beside import drop_beside_shadow, together
+from leakloc.levelled import LevelPair
+from leakloc.linefit import LineFit, Profile, fit_line, predict
+from leakloc.rig import Array, Rig
+from leakloc.signature import polarity, signature, signed_profile
+from leakloc.streaks import Streaks
+from leakloc.tracks import Track
+
+LEAK, SHADOW, SHADOW_OF_LEAK = "leak", "shadow", "shadow of a leak"
+OUTSIDE, NO_MEETING, NOT_BRIGHT, DOUBLE = (
+    "outside the pedestal",
+    "does not meet ahead",
+    "no bright part in both views",
+    "the same as a leak",
+)
+WALL_PX = 1.5  # error of a line's disparity when it is asked whether it stands on the wall
+DARK = -0.25  # polarity below which a line is dark for certain
+LEAST_GLINT_SIGMAS = 4.0
+SAME_PX = 3.0
+SHADOW_PX, SHADOW_SPREADS = 2.0, 2.0  # how far a line may lie off the column predicted for a shadow
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """A track as it is understood: polarity -1 (dark) to 1 (bright), its place (2,) m, whether on the wall."""
+
+    track: Track
+    columns_px: Array
+    place_m: Array
+    polarity: float
+    on_wall: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """What became of a line: LEAK with its fit, or the reason why not."""
+
+    line: Line
+    reason: str
+    fit: LineFit | None = None
+
+    @property
+    def columns_px(self) -> Array:
+        """Of the drop where there is one, else of the line itself, (2,)."""
+        return self.line.columns_px if self.fit is None else self.fit.columns_px
+
+
+def explain_tracks(tracks: Sequence[Track], views: Sequence[Streaks], level: LevelPair, rig: Rig) -> list[Verdict]:
+    """A verdict per track: bright lines first, then what they leave unexplained; strongest first within each."""
+    lines = [understand(track, views, level, rig) for track in tracks]
+    verdicts: list[Verdict] = []
+    for line in sorted(lines, key=lambda one: (one.on_wall or one.polarity < DARK, -one.track.sigmas)):
+        found = [v for v in verdicts if v.reason == LEAK]
+        reason = known_as(line, found, level, rig)
+        verdict = Verdict(line, reason) if reason else judge(line, views, level, rig)
+        if verdict.reason == LEAK and any(_same(verdict, other) for other in found):
+            verdict = replace(verdict, reason=SHADOW_OF_LEAK if line.on_wall else DOUBLE)
+        verdicts.append(verdict)
+    return without_ghosts(verdicts, level, rig)
+
+
+def understand(track: Track, views: Sequence[Streaks], level: LevelPair, rig: Rig) -> Line:
+    """Polarity and place of a track."""
+    columns_px = np.array([track.left_px, track.right_px], dtype=np.float64)
+    sides = [polarity(view.activity, int(c)) for view, c in zip(views, columns_px, strict=True)]
+    on_wall = stands_on_wall(columns_px, level, rig)
+    return Line(track, columns_px, level.places_of(columns_px[None])[0], float(np.mean(sides)), on_wall)
+
+
+def stands_on_wall(columns_px: Array, level: LevelPair, rig: Rig) -> bool:
+    """Whether a line may lie on the pedestal's wall or beyond, within the error of its disparity."""
+    if rig.pedestal_radius is None or rig.world_from_left is None:
+        return False
+    error_px = np.array([0.0, WALL_PX])
+    nearer, farther = (level.places_of((columns_px + off_px)[None])[0] for off_px in (-error_px, error_px))
+    return not (np.hypot(*farther) < rig.pedestal_radius and np.hypot(*nearer) < rig.pedestal_radius)
+
+
+def judge(line: Line, views: Sequence[Streaks], level: LevelPair, rig: Rig) -> Verdict:
+    """A line by itself: fit the drop it shows, or the drop that its shadow implies."""
+    shadowy = line.on_wall or line.polarity < DARK
+    profiles = signed_profiles(line, views, -1.0 if line.polarity < 0 and shadowy else 1.0)
+    start_px = line.columns_px
+    if shadowy:
+        start_px, height = drop_beside_shadow(profiles, line.columns_px, level, rig)
+        if height < LEAST_GLINT_SIGMAS:
+            return Verdict(line, SHADOW)
+    if not np.isfinite(level.places_of(start_px[None])).all():
+        return Verdict(line, NO_MEETING)
+    fit = fit_line(profiles, start_px, level, rig)
+    place_m = level.places_of(fit.columns_px[None])[0]
+    if not np.isfinite(place_m).all():
+        return Verdict(line, NO_MEETING)
+    if rig.pedestal_radius is not None and rig.world_from_left is not None and np.hypot(*place_m) > rig.pedestal_radius:
+        return Verdict(line, OUTSIDE, fit)
+    if together(fit.glint_sigmas[0], fit.glint_sigmas[1]) < LEAST_GLINT_SIGMAS:
+        return Verdict(line, NOT_BRIGHT, fit)
+    return Verdict(line, LEAK, fit)
+
+
+def signed_profiles(line: Line, views: Sequence[Streaks], sign: float) -> list[Profile]:
+    """Both views' profiles of a line, each by the other view's signature."""
+    signatures = [signature(view.activity, int(c), sign) for view, c in zip(views, line.columns_px, strict=True)]
+    return [signed_profile(views[0].activity, signatures[1]), signed_profile(views[1].activity, signatures[0])]
+
+
+def known_as(line: Line, leaks: Sequence[Verdict], level: LevelPair, rig: Rig) -> str:
+    """SHADOW_OF_LEAK if both columns of a dark or wall line are where known leaks throw shadows, else nothing."""
+    if not (line.on_wall or line.polarity < DARK):
+        return ""
+    return SHADOW_OF_LEAK if any(_explains(leak, line.columns_px, level, rig) for leak in leaks) else ""
+
+
+def without_ghosts(verdicts: Sequence[Verdict], level: LevelPair, rig: Rig) -> list[Verdict]:
+    """Leaks that stand on the shadows of a stronger one are none: with several lamps shadows pair crosswise."""
+    leaks = [v for v in verdicts if v.reason == LEAK]
+    ghosts = {
+        id(weak)
+        for weak in leaks
+        for strong in leaks
+        if strong.line.track.sigmas > weak.line.track.sigmas and _explains(strong, weak.columns_px, level, rig)
+    }
+    return [replace(v, reason=SHADOW_OF_LEAK) if id(v) in ghosts else v for v in verdicts]
+
+
+def _explains(leak: Verdict, columns_px: Array, level: LevelPair, rig: Rig) -> bool:
+    """Whether each of the columns is one of the leak's lines in that view, and at least one of its shadows."""
+    expected = predict(level.places_of(leak.columns_px[None])[0], level, rig)
+    tolerance = SHADOW_PX + SHADOW_SPREADS * expected.spread_px + 0.25 * expected.blur_px
+    on_shadow = (np.abs(expected.shadows_px - columns_px) < tolerance).any(axis=0)
+    on_drop = np.abs(leak.columns_px - columns_px) < SAME_PX
+    return bool((on_shadow | on_drop).all() and on_shadow.any())
+
+
+def _same(one: Verdict, other: Verdict) -> bool:
+    return bool((np.abs(one.columns_px - other.columns_px) < SAME_PX).all())
