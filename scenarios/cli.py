@@ -7,9 +7,10 @@ from typing import Any
 import click
 
 from scenarios.cli_bench import bench, explain
+from scenarios.cli_locate import locate
 from scenarios.cli_options import FILE, FOLDER, clear_errors, scenario_options
-from scenarios.clip_folder import has_manifest, verify_clip, write_clip
-from scenarios.output_folder import OutputError, creating, replacing
+from scenarios.clip_folder import verify_clip, write_clip
+from scenarios.output_folder import creating, replacing
 from scenarios.scenario import Scenario
 from scenarios.scenario_file import library_names, read_scenario
 from scenarios.truth import read_truth
@@ -39,40 +40,6 @@ def simulate(scenario: str, overrides: tuple[str, ...], seed: int | None, destin
     write_clip(clip, destination, replacing if force else creating)
     seen = sum(leak.observable for leak in clip.truth.leaks)
     click.echo(f"{destination}: {len(clip.left)} stereo frames, {len(clip.truth.leaks)} leaks, {seen} observable")
-
-
-@main.command()
-@click.argument("clip", type=FOLDER)
-@click.option("--method", type=click.Choice(["paper"]), default="paper", show_default=True)
-@click.option("-o", "--output", "destination", type=FILE, help="Write result.json here.")
-@click.option(
-    "--k-sigma",
-    type=click.FloatRange(min=0.0),
-    default=2.0,
-    show_default=True,
-    help="Threshold: mean + k standard deviations of the column profile.",
-)
-@click.option(
-    "--g-win",
-    type=click.IntRange(min=0),
-    default=10,
-    show_default=True,
-    help="Non-maximum suppression, columns each way.",
-)
-@clear_errors
-def locate(clip: Path, method: str, destination: Path | None, k_sigma: float, g_win: int) -> None:
-    """Find the leaks of a clip; the truth, if the folder holds it, is not looked at."""
-    import leakloc
-
-    if has_manifest(clip):
-        verify_clip(clip)
-    footage = leakloc.read_clip(clip)
-    estimate = leakloc.locate(
-        footage.left, footage.right, footage.rig, method=method, options=leakloc.PaperOptions(k_sigma, g_win)
-    )
-    if destination is not None:
-        _write_result(estimate, destination)
-    _echo_estimate(estimate)
 
 
 @main.command()
@@ -170,23 +137,6 @@ def schema(name: str) -> None:
     click.echo(json.dumps(schema_of(name), indent=1))
 
 
-def _write_result(estimate: Any, destination: Path) -> None:
-    import leakloc
-
-    try:
-        leakloc.write_result(estimate, destination)
-    except OSError as error:
-        raise OutputError(f"{destination}: cannot be written: {error.strerror}") from None
-
-
-def _echo_estimate(estimate: Any) -> None:
-    click.echo(f"{len(estimate.leaks)} leaks found by {estimate.method} (x, y in m, {estimate.frame} frame)")
-    for leak in estimate.leaks:
-        click.echo(
-            f"  {leak.x_m:8.3f} {leak.y_m:8.3f}   columns {leak.left_column_px:7.2f} {leak.right_column_px:7.2f}"
-        )
-
-
 def _summary(scenario: Scenario, source: str) -> str:
     rig, recording = scenario.rig, scenario.recording
     rows = [
@@ -205,3 +155,4 @@ def _summary(scenario: Scenario, source: str) -> str:
 
 main.add_command(bench)
 main.add_command(explain)
+main.add_command(locate)

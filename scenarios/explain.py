@@ -3,14 +3,13 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from html import escape
-from importlib.resources import files
-from string import Template
 
 from leakloc import Estimate
 from scenarios import figures
 from scenarios.estimators import Broken, EstimatorSpec, run_estimator
 from scenarios.leaks import resolved
 from scenarios.outcome import Outcomes, outcomes
+from scenarios.report import page
 from scenarios.scenario import Scenario
 from scenarios.score import Score, score
 from scenarios.simulate import SimulatedClip, simulate
@@ -95,8 +94,7 @@ def explain_html(arms: list[Arm]) -> str:
         f"<h1>{escape(title)}</h1><p class='quiet'>The same scene and draws, without one cause at a time.</p>"
         f"<pre>{escape(table(arms))}</pre><div class='pair'>{cards}</div>"
     )
-    page = Template((files("scenarios") / "report_page.html").read_text(encoding="utf-8"))
-    return page.substitute(title=escape(title), body=body)
+    return page(title, [body])
 
 
 def _card(arm: Arm) -> str:

@@ -4,6 +4,7 @@ import base64
 import io
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import cv2
@@ -11,9 +12,11 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle
+from matplotlib.patches import Circle, Ellipse
 
+from leakloc import Estimate, LeakEstimate, PaperOptions, Rig
 from leakloc.background import temporal_median
+from leakloc.paper import view_columns
 from scenarios.score import Score
 from scenarios.truth import LeakTruth, TrueCamera, Truth
 
@@ -76,25 +79,61 @@ def top_view(truth: Truth, estimates_m: Sequence[tuple[float, float]], scored: S
         return _svg(figure)
 
 
-def column_profiles(
-    profiles_grey: Sequence[np.ndarray],
-    thresholds_grey: Sequence[float],
-    candidates_px: Sequence[np.ndarray],
-    truth: Truth,
-) -> str:
-    """Column profiles of both views with threshold, candidates and true columns (paper's figure 6), as SVG."""
+def estimate_view(estimate: Estimate, rig: Rig) -> str:
+    """Top view of an estimate whose truth nobody knows: cameras, wall if known, leaks with 95 % ellipses, as SVG."""
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(4.6, 4.6), layout="constrained")
+        axes = figure.add_subplot(aspect="equal")
+        reach_m = rig.pedestal_radius or max([3.0, *(math.hypot(leak.x_m, leak.y_m) for leak in estimate.leaks)])
+        if rig.pedestal_radius is not None:
+            axes.add_patch(Circle((0.0, 0.0), reach_m, facecolor="#f4f1ea", edgecolor="#6b6356", linewidth=1.5))
+        for K, camera_from_frame in ((rig.K1, rig.left_from_frame), (rig.K2, rig.right_from_frame)):
+            _draw_view(axes, np.linalg.inv(camera_from_frame), K, rig.image_size[0], reach_m)
+        for leak in estimate.leaks:
+            axes.plot(leak.y_m, leak.x_m, "x", color=ESTIMATE_COLOUR, ms=8, mew=1.8)
+            _draw_ellipse(axes, leak)
+        _name_axes(axes, reach_m, n_outside=0)
+        return _svg(figure)
+
+
+@dataclass(frozen=True)
+class ProfilePicture:
+    """What is drawn of one view's column profile: the paper's aggregate g and threshold, and columns, all in px."""
+
+    profile_grey: np.ndarray
+    threshold_grey: float
+    found_px: Sequence[float]
+    leaks_px: Sequence[float | None] = ()
+    shadows_px: Sequence[float | None] = ()
+
+
+def profile_pictures(frames: Sequence[np.ndarray], estimate: Estimate, truth: Truth | None) -> list[ProfilePicture]:
+    """Profiles of both views by the paper's eq. 3, with the columns of the estimate and, where known, of the truth."""
+    pictures = []
+    for side, view in zip(("left", "right"), frames, strict=True):
+        seen = view_columns(view, PaperOptions())
+        found_px = [getattr(leak, f"{side}_column_px") for leak in estimate.leaks]
+        leaks_px = [getattr(leak, f"{side}_column_px") for leak in truth.leaks] if truth else []
+        shadows_px = [c for leak in truth.leaks for c in getattr(leak.shadow_columns_px, side)] if truth else []
+        pictures.append(ProfilePicture(seen.profile_grey, seen.threshold_grey, found_px, leaks_px, shadows_px))
+    return pictures
+
+
+def column_profiles(pictures: Sequence[ProfilePicture]) -> str:
+    """Column profiles of both views with threshold and columns (paper's figure 6), as SVG."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(10.4, 4.6), layout="constrained")
-        views = zip(("left", "right"), profiles_grey, thresholds_grey, candidates_px, strict=True)
-        for i, (side, profile_grey, threshold_grey, columns_px) in enumerate(views):
+        for i, (side, picture) in enumerate(zip(("left", "right"), pictures, strict=True)):
             axes = figure.add_subplot(2, 1, i + 1)
-            _draw_true_columns(axes, truth, side)
-            axes.plot(profile_grey, color=PROFILE_COLOUR, linewidth=0.8, label="column aggregate g")
-            axes.axhline(threshold_grey, color=ESTIMATE_COLOUR, linewidth=0.8, linestyle="--", label="threshold")
-            found = np.asarray(columns_px, dtype=int)
-            axes.plot(found, np.asarray(profile_grey)[found], "v", color=ESTIMATE_COLOUR, ms=6, label="candidate")
-            axes.set_xlim(0, len(profile_grey) - 1)
-            axes.set_ylim(bottom=min(0.95 * float(np.min(profile_grey)), float(np.min(profile_grey))))
+            _draw_columns(axes, "true leak", picture.leaks_px, TRUTH_COLOUR, "-")
+            _draw_columns(axes, "its shadow", picture.shadows_px, QUIET_COLOUR, ":")
+            axes.plot(picture.profile_grey, color=PROFILE_COLOUR, linewidth=0.8, label="column aggregate g")
+            axes.axhline(picture.threshold_grey, color=ESTIMATE_COLOUR, lw=0.8, ls="--", label="paper's threshold")
+            last = len(picture.profile_grey) - 1
+            found = [column for column in picture.found_px if 0 <= column <= last]
+            heights = [picture.profile_grey[round(column)] for column in found]
+            axes.plot(found, heights, "v", color=ESTIMATE_COLOUR, ms=6, label="leak found")
+            axes.set_xlim(0, last)
             axes.set_ylabel(f"{side}: grey")
             axes.set_xlabel("column (px)" if i else "")
             if i == 0:
@@ -102,14 +141,30 @@ def column_profiles(
         return _svg(figure)
 
 
+def _draw_ellipse(axes: Axes, leak: LeakEstimate) -> None:
+    """Region of 95 % of a leak's covariance (2.448 sigma of two normal numbers)."""
+    if not np.isfinite(leak.covariance_m2).all():
+        return
+    variances, directions = np.linalg.eigh(leak.covariance_m2)
+    width_m, height_m = 2.0 * 2.448 * np.sqrt(np.maximum(variances, 0.0))
+    angle_deg = math.degrees(math.atan2(directions[0, 0], directions[1, 0]))  # the picture's x axis is the world's y
+    axes.add_patch(
+        Ellipse((leak.y_m, leak.x_m), width_m, height_m, angle=angle_deg, fill=False, edgecolor=ESTIMATE_COLOUR, lw=1.0)
+    )
+
+
 def _draw_camera(axes: Axes, camera: TrueCamera, radius_m: float) -> None:
-    pose = np.array(camera.world_from_camera)
-    focal_px = camera.camera_matrix[0][0]
+    pose, K = np.array(camera.world_from_camera), np.array(camera.camera_matrix)
+    _draw_view(axes, pose, K, camera.width_px, radius_m)
+
+
+def _draw_view(axes: Axes, pose: np.ndarray, K: np.ndarray, width_px: int, reach_m: float) -> None:
+    """Place of a camera and the edges of its field of view; pose (4, 4) from the camera to the picture's frame."""
     x_m, y_m = pose[0, 3], pose[1, 3]
-    for edge_px in (-0.5, camera.width_px - 0.5):
-        ray = pose[:3, :3] @ np.array([(edge_px - camera.camera_matrix[0][2]) / focal_px, 0.0, 1.0])
+    for edge_px in (-0.5, width_px - 0.5):
+        ray = pose[:3, :3] @ np.array([(edge_px - K[0, 2]) / K[0, 0], 0.0, 1.0])
         along = np.hypot(ray[0], ray[1])
-        far_x, far_y = x_m + 2.2 * radius_m * ray[0] / along, y_m + 2.2 * radius_m * ray[1] / along
+        far_x, far_y = x_m + 2.2 * reach_m * ray[0] / along, y_m + 2.2 * reach_m * ray[1] / along
         axes.plot([y_m, far_y], [x_m, far_x], color=QUIET_COLOUR, linewidth=0.8, linestyle=":")
     axes.plot(y_m, x_m, "^", color="#333333", ms=6)
 
@@ -131,22 +186,15 @@ def _name_axes(axes: Axes, radius_m: float, n_outside: int) -> None:
     axes.set_ylim(-1.08 * radius_m, 1.08 * radius_m)
     axes.set_xlabel("y (m), left is +")
     axes.set_ylabel("x (m), away from the cameras")
-    axes.legend(loc="lower right", frameon=False)
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="lower right", frameon=False)
     if n_outside:
         axes.set_title(f"{n_outside} estimate(s) outside the picture", fontsize=8, color=ESTIMATE_COLOUR)
 
 
-def _draw_true_columns(axes: Axes, truth: Truth, side: str) -> None:
-    columns = [leak.left_column_px if side == "left" else leak.right_column_px for leak in truth.leaks]
-    shadows = [column for leak in truth.leaks for column in getattr(leak.shadow_columns_px, side)]
-    for label, places, colour, style in (
-        ("true leak", columns, TRUTH_COLOUR, "-"),
-        ("its shadow", shadows, QUIET_COLOUR, ":"),
-    ):
-        for i, column in enumerate(place for place in places if place is not None):
-            axes.axvline(
-                column, color=colour, linewidth=1.2, linestyle=style, alpha=0.6, label=label if i == 0 else None
-            )
+def _draw_columns(axes: Axes, label: str, columns_px: Sequence[float | None], colour: str, style: str) -> None:
+    for i, column in enumerate(place for place in columns_px if place is not None):
+        axes.axvline(column, color=colour, linewidth=1.2, linestyle=style, alpha=0.6, label=label if i == 0 else None)
 
 
 def _svg(figure: Figure) -> str:

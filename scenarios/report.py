@@ -1,5 +1,6 @@
 """A report of one clip: one HTML file that opens offline and shows what was seen, found, missed, and how far off."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 from importlib.resources import files
@@ -7,11 +8,12 @@ from string import Template
 
 import numpy as np
 
-from leakloc import Estimate
+from leakloc import Clip, Estimate, LeakEstimate
 from leakloc.background import temporal_median
 from scenarios import figures
 from scenarios.score import Pair, Score, table
-from scenarios.simulate import CAMERAS, SimulatedClip
+from scenarios.simulate import SimulatedClip
+from scenarios.truth import Truth
 
 RESIDUAL_GAIN = 6.0
 
@@ -33,13 +35,33 @@ def report_html(located: Located) -> str:
         f"<h1>{escape(title)}</h1>",
         _lead(located),
         f'<h2>Top view</h2><div class="side">{_top_view(located)}{_leak_table(located)}</div>',
-        _frames(clip),
-        _profiles(located),
+        _frames(clip.left, clip.right),
+        _profiles((clip.left, clip.right), located.estimate, clip.truth),
         f"<h2>Score</h2><pre>{escape(table(scored, clip.truth))}</pre>",
         _settings(clip),
     ]
-    page = Template((files("scenarios") / "report_page.html").read_text(encoding="utf-8"))
-    return page.substitute(title=escape(title), body="\n".join(sections))
+    return page(title, sections)
+
+
+def estimate_html(name: str, footage: Clip, estimate: Estimate) -> str:
+    """Return a page of an estimate whose truth nobody knows: the pictures of the paper's figures 6 and 7."""
+    title = f"Leaks found in {name}"
+    sections = [
+        f"<h1>{escape(title)}</h1>",
+        f'<p class="lead">{len(estimate.leaks)} leaks found by the method {escape(estimate.method)}, '
+        f"{escape(estimate.frame)} frame.</p>",
+        f'<h2>Top view</h2><div class="side">{figures.estimate_view(estimate, footage.rig)}'
+        f"{_estimate_table(estimate)}</div>",
+        _frames(footage.left, footage.right),
+        _profiles((footage.left, footage.right), estimate, None),
+    ]
+    return page(title, sections)
+
+
+def page(title: str, sections: Sequence[str]) -> str:
+    """Return one offline HTML page."""
+    template = Template((files("scenarios") / "report_page.html").read_text(encoding="utf-8"))
+    return template.substitute(title=escape(title), body="\n".join(sections))
 
 
 def positions(estimate: Estimate) -> list[tuple[float, float]]:
@@ -84,6 +106,23 @@ def _leak_table(located: Located) -> str:
     )
 
 
+def _estimate_table(estimate: Estimate) -> str:
+    rows = "".join(
+        f"<tr><td>{i}</td><td>{leak.x_m:.3f}</td><td>{leak.y_m:.3f}</td><td>{_sigma(leak)}</td>"
+        f"<td>{leak.left_column_px:.2f}</td><td>{leak.right_column_px:.2f}</td><td>{leak.score:.1f}</td></tr>"
+        for i, leak in enumerate(estimate.leaks)
+    )
+    head = "".join(f"<th>{name}</th>" for name in ("", "x (m)", "y (m)", "sigma (m)", "left px", "right px", "score"))
+    return f"<table><tr>{head}</tr>{rows}</table>"
+
+
+def _sigma(leak: LeakEstimate) -> str:
+    """Standard deviation along the worst direction."""
+    if not np.isfinite(leak.covariance_m2).all():
+        return "-"
+    return f"{np.sqrt(np.linalg.eigvalsh(leak.covariance_m2)[-1]):.3f}"
+
+
 def _found_cells(pair: Pair | None, places: list[tuple[float, float]]) -> str:
     if pair is None:
         return '<td></td><td></td><td class="missed">missed</td>'
@@ -91,10 +130,10 @@ def _found_cells(pair: Pair | None, places: list[tuple[float, float]]) -> str:
     return f'<td>{x_m:.3f}</td><td>{y_m:.3f}</td><td class="found">{pair.error_m:.3f}</td>'
 
 
-def _frames(clip: SimulatedClip) -> str:
-    number = len(clip.left) // 2
+def _frames(left: np.ndarray, right: np.ndarray) -> str:
+    number = len(left) // 2
     pictures, residuals = [], []
-    for side, frames in (("Left", clip.left), ("Right", clip.right)):
+    for side, frames in (("Left", left), ("Right", right)):
         gain = figures.display_gain(frames[number])
         pictures.append(_picture(figures.frame_png(frames[number], gain), f"{side}, frame {number}{_brightened(gain)}"))
         residual = np.abs(frames[number] - temporal_median(frames).grey)
@@ -115,15 +154,9 @@ def _picture(uri: str, caption: str) -> str:
     return f'<figure><img src="{uri}" alt="{escape(caption)}"><figcaption>{escape(caption)}</figcaption></figure>'
 
 
-def _profiles(located: Located) -> str:
-    diagnostics = located.estimate.diagnostics
-    svg = figures.column_profiles(
-        [np.asarray(diagnostics[side]["profile_grey"]) for side in CAMERAS],
-        [float(diagnostics[side]["threshold_grey"]) for side in CAMERAS],
-        [np.asarray(diagnostics[side]["candidate_columns_px"], dtype=int) for side in CAMERAS],
-        located.clip.truth,
-    )
-    return f"<h2>Column profiles</h2>{svg}"
+def _profiles(frames: Sequence[np.ndarray], estimate: Estimate, truth: Truth | None) -> str:
+    pictures = figures.profile_pictures(frames, estimate, truth)
+    return f"<h2>Column profiles</h2>{figures.column_profiles(pictures)}"
 
 
 def _settings(clip: SimulatedClip) -> str:
