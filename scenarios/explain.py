@@ -18,6 +18,9 @@ SHARPER = 20.0
 """Motion blur is removed by exposing this many times more briefly, in light and radiation as many times stronger."""
 
 
+NOTHING = "(as it is)"
+
+
 @dataclass(frozen=True)
 class Cause:
     """Something that can make an estimator fail, and the scenario without it."""
@@ -28,7 +31,7 @@ class Cause:
 
 @dataclass(frozen=True)
 class Arm:
-    """One run of the scene: what was removed ("nothing" first), and what came out."""
+    """One run of the scene: what was removed (NOTHING first), and what came out."""
 
     removed: str
     clip: SimulatedClip
@@ -41,7 +44,7 @@ class Arm:
 def explain(scenario: Scenario, estimator: EstimatorSpec) -> Iterator[Arm]:
     """Yield the scene as it is and then without each cause that it has; leaks and drop times stay the same."""
     whole = resolved(scenario)
-    yield _arm("nothing", whole, estimator)
+    yield _arm(NOTHING, whole, estimator)
     for cause in causes(whole):
         yield _arm(cause.name, cause.without(whole), estimator)
 
@@ -101,9 +104,13 @@ def _card(arm: Arm) -> str:
     estimates = [(leak.x_m, leak.y_m) for leak in arm.estimate.leaks] if arm.estimate else []
     picture = figures.residual_png(arm.clip.left)
     return (
-        f"<figure><h2>without {escape(arm.removed)}</h2>{figures.top_view(arm.clip.truth, estimates, arm.scored)}"
+        f"<figure><h2>{escape(_headline(arm))}</h2>{figures.top_view(arm.clip.truth, estimates, arm.scored)}"
         f"<img src='{picture}' alt='residual'><figcaption>left, mean |I - median| over the frames</figcaption></figure>"
     )
+
+
+def _headline(arm: Arm) -> str:
+    return "as it is" if arm.removed == NOTHING else f"without {arm.removed}"
 
 
 def _arm(removed: str, scenario: Scenario, estimator: EstimatorSpec) -> Arm:

@@ -50,7 +50,7 @@ def column_snr(scenario: Scenario, frames_e: np.ndarray, views: list[simcam.Leak
 
 
 def _snr_of(scenario: Scenario, strip_e: np.ndarray) -> float:
-    """Signal over noise of the best column of a strip (frames, rows, columns); NaN for one without columns."""
+    """Signal over noise of the best column of a strip (frames, rows, columns); NaN without columns."""
     n_frames, n_rows, n_columns = strip_e.shape
     if n_columns == 0:
         return math.nan
@@ -66,6 +66,8 @@ def _snr_of(scenario: Scenario, strip_e: np.ndarray) -> float:
         n_rows=n_rows,
         n_frames=n_frames,
     )
+    if sd_grey == 0.0:  # every noise is switched off: any signal at all stands out
+        return math.inf if profile_grey[best] > 0.0 else 0.0
     return float(profile_grey[best] / sd_grey)
 
 
