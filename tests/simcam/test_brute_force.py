@@ -27,9 +27,9 @@ def scenes():
     lamp = st.builds(
         lambda x, y, z, radius: Lamp((x, y, z), radius, 12.0),
         st.floats(-2.3, -2.0),
-        st.floats(-0.8, 0.8),
+        st.floats(-0.5, 0.5),
         st.floats(0.35, 0.8),  # above what the camera sees: grey levels beside a lamp are thousands
-        st.floats(0.02, 0.15),
+        st.floats(0.02, 0.12),
     )
     return st.builds(
         lambda seed, lamps, dripping: Scene(Pedestal(texture=RustTexture(seed)), tuple(lamps), tuple(dripping)),

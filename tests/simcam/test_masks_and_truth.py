@@ -22,9 +22,12 @@ from simcam import (
     static_depth,
     stereo_rig,
 )
+from simcam.penumbra import blocked_share
+from simcam.static import static_view
 
 PEDESTAL = Pedestal(texture=UniformTexture(0.3))
 LAMP = Lamp((-2.25, 0.1, 0.4), 0.08)
+SMALL_LAMP = Lamp(LAMP.position_m, 0.02)
 HEIGHTS_M = np.linspace(3, -3, 6001)
 
 
@@ -60,8 +63,9 @@ def column_error(mask, camera, place):
 def test_columns_of_drop_and_shadow_masks_are_the_projected_lines(tilt, brown, place, radius_m):
     lens = Lens(distortion=(brown[0], 0.02, brown[1], -brown[1], 0.0))
     camera = stereo_rig(pose=Pose(*tilt), lens=lens).left
+    # a small lamp: the middle of a penumbra a fifth of a metre wide lies up to 0.08 px beside the line on a curved wall
     leak = Leak(*place, 2.0, radius_m, np.array([-0.63]))
-    scene, recording = Scene(PEDESTAL, (LAMP,), (leak,)), Recording(1, 12.0, 0.04)
+    scene, recording = Scene(PEDESTAL, (SMALL_LAMP,), (leak,)), Recording(1, 12.0, 0.04)
     drops, shadows = drop_mask(scene, camera, recording, 0), shadow_mask(scene, camera, recording, 0)
     if drops.any():
         assert column_error(drops, camera, place) == pytest.approx(0, abs=0.05)
@@ -69,6 +73,29 @@ def test_columns_of_drop_and_shadow_masks_are_the_projected_lines(tilt, brown, p
     inside = 60 < line_columns(camera, *behind, np.array([0, 270, 539])).min() < camera.width_px - 60
     if shadows.any() and inside:
         assert column_error(shadows, camera, behind) == pytest.approx(0, abs=0.05)
+
+
+@settings(max_examples=10)
+@given(
+    tilt=st.tuples(*[st.floats(-5, 5)] * 3),
+    place=st.tuples(st.floats(-0.2, 1.8), st.floats(-0.5, 0.5)),
+    radius_m=st.floats(0.003, 0.01),
+)
+def test_a_wide_penumbra_lies_where_the_closed_form_of_every_moment_puts_it(tilt, place, radius_m):
+    camera = stereo_rig(pose=Pose(*tilt)).left
+    leak = Leak(*place, 2.0, radius_m, np.array([-0.63]))
+    scene = Scene(PEDESTAL, (LAMP,), (leak,))
+    mask = shadow_mask(scene, camera, Recording(1, 12.0, 0.04), 0)
+    row = int(np.argmax(mask.sum(axis=1)))
+    points_m = static_view(scene, camera).points_m.reshape(3, *mask.shape)[:, row].T.astype(float)
+    falls_m = 9.81 / 2 * (0.61 + (np.arange(200) + 0.5) / 200 * 0.04) ** 2
+    drops_m = leak.position_m - falls_m[:, None, None] * np.array([0.0, 0.0, 1.0])
+    shares = blocked_share(points_m, np.array(LAMP.position_m), LAMP.radius_m, drops_m, radius_m).mean(axis=0)
+    columns = np.arange(camera.width_px)
+    if mask.any() and shares[:40].sum() + shares[-40:].sum() == 0:
+        assert mask[row].sum() == pytest.approx(shares.sum(), rel=0.02)
+        centroids = [(weight * columns).sum() / weight.sum() for weight in (mask[row], shares)]
+        assert centroids[0] == pytest.approx(centroids[1], abs=0.05)
 
 
 def test_the_paper_rigs_truth_has_the_conventions_columns():

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.integrate import quad
 
 from simcam import Lamp, Leak, Lens, Pedestal, Pose, Recording, Scene, UniformTexture, shadow_mask, stereo_rig
 from simcam.penumbra import blocked_share, disc_overlap, swept_overlap, table_row
@@ -21,10 +20,9 @@ def test_overlap_of_discs_far_inside_and_half_way():
 
 @given(share=st.floats(0.02, 0.98), offset=st.floats(0, 1), travel=st.floats(-1, 1))
 def test_the_swept_table_is_the_integral_of_the_overlap(share, offset, travel):
-    def overlap(t):
-        return float(disc_overlap(share, 1 - share, np.hypot(offset, t))) / (np.pi * share * (1 - share)) ** 2
-
-    expected, _ = quad(overlap, -1, travel, limit=100, epsabs=1e-6)
+    middles = -1 + (np.arange(4000) + 0.5) / 4000 * (travel + 1)
+    overlap = disc_overlap(share, 1 - share, np.hypot(offset, middles)) / (np.pi * share * (1 - share)) ** 2
+    expected = overlap.mean() * (travel + 1)
     row = table_row(np.array([share], np.float32), np.array([offset], np.float32))
     whole = 2 / (np.pi * max(share, 1 - share))  # of the order of the largest value: a chord of the larger disc
     assert swept_overlap(row, np.array([travel], np.float32))[0] == pytest.approx(expected, abs=0.05 * whole)
