@@ -56,6 +56,13 @@ def test_the_order_of_the_views_does_not_matter(estimates, random):
     np.testing.assert_equal(summary(fuse_views(estimates)), summary(fuse_views(shuffled)))
 
 
+def test_sums_and_ties_do_not_depend_on_the_order_to_the_last_bit():
+    alike = [view(leak(1 + x, 0.1 * x, sigma, 5.0, (500 + x, 400))) for x, sigma in ((0.001, 0.03), (0.013, 0.03))]
+    others = [view(leak(1.007, 0.003, 0.07)), view(leak(1.002, -0.011, 0.09))]
+    fused = [summary(fuse_views(order)) for order in permutations(alike + others)]
+    assert all(one == fused[0] for one in fused)
+
+
 @given(views())
 def test_every_sighting_is_in_one_leak_and_two_of_a_view_are_in_two(estimates):
     fused = fuse_views(estimates).diagnostics["fused"]
