@@ -18,15 +18,18 @@ from leakloc.tracks import Track
 LEAK, SHADOW, SHADOW_OF_LEAK = "leak", "shadow", "shadow of a leak"
 OUTSIDE, NO_MEETING, NOT_BRIGHT, DOUBLE = (
     "outside the pedestal",
-    "does not meet ahead",
+    "meets behind the cameras or beyond the wall",
     "no bright part in both views",
     "the same as a leak",
 )
+LEAST_DEPTH_M = 0.2
+BEYOND_WALL = 1.15  # of the pedestal's radius: lines that far out are still shadows on the wall
 WALL_PX = 1.5  # error of a line's disparity when it is asked whether it stands on the wall
 DARK = -0.25  # polarity below which a line is dark for certain
 LEAST_GLINT_SIGMAS = 4.0
+SURE_GLINT_SIGMAS = 12.0  # a drop beside a shadow that also is where another leak throws one
 SAME_PX = 3.0
-SHADOW_PX, SHADOW_SPREADS = 2.0, 2.0  # how far a line may lie off the column predicted for a shadow
+SHADOW_PX, SHADOW_SPREADS = 2.0, 1.5  # how far a line may lie off the column predicted for a shadow
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,10 +63,11 @@ def explain_tracks(tracks: Sequence[Track], views: Sequence[Streaks], level: Lev
     verdicts: list[Verdict] = []
     for line in sorted(lines, key=lambda one: (one.on_wall or one.polarity < DARK, -one.track.sigmas)):
         found = [v for v in verdicts if v.reason == LEAK]
-        reason = known_as(line, found, level, rig)
-        verdict = Verdict(line, reason) if reason else judge(line, views, level, rig)
+        verdict = judge(line, views, level, rig)
         if verdict.reason == LEAK and any(_same(verdict, other) for other in found):
-            verdict = replace(verdict, reason=SHADOW_OF_LEAK if line.on_wall else DOUBLE)
+            verdict = replace(verdict, reason=SHADOW_OF_LEAK if _shadowy(line) else DOUBLE)
+        if _faint(verdict) and any(_explains(leak, line.columns_px, level, rig) for leak in found):
+            verdict = replace(verdict, reason=SHADOW_OF_LEAK)
         verdicts.append(verdict)
     return without_ghosts(verdicts, level, rig)
 
@@ -74,6 +78,15 @@ def understand(track: Track, views: Sequence[Streaks], level: LevelPair, rig: Ri
     sides = [polarity(view.activity, int(c)) for view, c in zip(views, columns_px, strict=True)]
     on_wall = stands_on_wall(columns_px, level, rig)
     return Line(track, columns_px, level.places_of(columns_px[None])[0], float(np.mean(sides)), on_wall)
+
+
+def may_meet(place_m: Array, level: LevelPair, rig: Rig) -> bool:
+    """Whether the columns meet ahead of the cameras and not far beyond the wall."""
+    if not (np.isfinite(place_m).all() and level.depths_m(place_m[None])[0] > LEAST_DEPTH_M):
+        return False
+    if rig.pedestal_radius is None or rig.world_from_left is None:
+        return True
+    return bool(np.hypot(*place_m) < BEYOND_WALL * rig.pedestal_radius)
 
 
 def stands_on_wall(columns_px: Array, level: LevelPair, rig: Rig) -> bool:
@@ -87,7 +100,9 @@ def stands_on_wall(columns_px: Array, level: LevelPair, rig: Rig) -> bool:
 
 def judge(line: Line, views: Sequence[Streaks], level: LevelPair, rig: Rig) -> Verdict:
     """A line by itself: fit the drop it shows, or the drop that its shadow implies."""
-    shadowy = line.on_wall or line.polarity < DARK
+    if not may_meet(line.place_m, level, rig):
+        return Verdict(line, NO_MEETING)
+    shadowy = _shadowy(line)
     profiles = signed_profiles(line, views, -1.0 if line.polarity < 0 and shadowy else 1.0)
     start_px = line.columns_px
     if shadowy:
@@ -113,21 +128,23 @@ def signed_profiles(line: Line, views: Sequence[Streaks], sign: float) -> list[P
     return [signed_profile(views[0].activity, signatures[1]), signed_profile(views[1].activity, signatures[0])]
 
 
-def known_as(line: Line, leaks: Sequence[Verdict], level: LevelPair, rig: Rig) -> str:
-    """SHADOW_OF_LEAK if both columns of a dark or wall line are where known leaks throw shadows, else nothing."""
-    if not (line.on_wall or line.polarity < DARK):
-        return ""
-    return SHADOW_OF_LEAK if any(_explains(leak, line.columns_px, level, rig) for leak in leaks) else ""
+def _faint(verdict: Verdict) -> bool:
+    """Whether a line that is not bright for certain shows no drop of its own, or hardly."""
+    if verdict.line.polarity > -DARK and not verdict.line.on_wall:
+        return False
+    if verdict.reason != LEAK or verdict.fit is None:
+        return True
+    return bool(together(verdict.fit.glint_sigmas[0], verdict.fit.glint_sigmas[1]) < SURE_GLINT_SIGMAS)
 
 
 def without_ghosts(verdicts: Sequence[Verdict], level: LevelPair, rig: Rig) -> list[Verdict]:
-    """Leaks that stand on the shadows of a stronger one are none: with several lamps shadows pair crosswise."""
+    """Faint leaks that stand on the shadows of another are none: with several lamps shadows pair crosswise."""
     leaks = [v for v in verdicts if v.reason == LEAK]
     ghosts = {
         id(weak)
         for weak in leaks
         for strong in leaks
-        if strong.line.track.sigmas > weak.line.track.sigmas and _explains(strong, weak.columns_px, level, rig)
+        if strong is not weak and _faint(weak) and _explains(strong, weak.line.columns_px, level, rig)
     }
     return [replace(v, reason=SHADOW_OF_LEAK) if id(v) in ghosts else v for v in verdicts]
 
@@ -141,5 +158,11 @@ def _explains(leak: Verdict, columns_px: Array, level: LevelPair, rig: Rig) -> b
     return bool((on_shadow | on_drop).all() and on_shadow.any())
 
 
-def _same(one: Verdict, other: Verdict) -> bool:
-    return bool((np.abs(one.columns_px - other.columns_px) < SAME_PX).all())
+def _shadowy(line: Line) -> bool:
+    return line.on_wall or line.polarity < DARK
+
+
+def _same(one: Verdict, known: Verdict) -> bool:
+    """Whether a leak is one that is known: both columns, or one if it was only guessed beside a shadow."""
+    near = np.abs(one.columns_px - known.columns_px) < SAME_PX
+    return bool(near.any() if _shadowy(one.line) else near.all())

@@ -22,6 +22,7 @@ UNKNOWN_GLINT = (np.zeros(1), np.ones(1))  # without a lamp: in the middle of th
 LAMP_ERROR_M, WALL_ERROR = 0.05, 0.01  # how well lamp and wall (share of its radius) are believed to be known
 WIDTH_SPREAD = 0.15  # of the logarithm of a shadow's width
 WINDOW_PX = 25
+STRAY_PX = 1.5  # of a drop from where it was seen, lest it slides onto its shadow
 MODEL_ERROR = 0.02  # of the profile's peak: what the shapes cannot follow
 
 
@@ -168,7 +169,10 @@ class _Problem:
 def fit_line(profiles: Sequence[Profile], start_px: Array, level: LevelPair, rig: Rig) -> LineFit:
     """Least-squares fit of both views' profiles; start_px (2,): the drop's columns to within a pixel or two."""
     problem = _Problem(profiles, start_px, level, rig)
-    found = least_squares(problem.residuals, problem.start, max_nfev=40)
+    reach_px = np.full_like(problem.start, np.inf)
+    reach_px[:2] = STRAY_PX
+    bounds = (problem.start - reach_px, problem.start + reach_px)
+    found = least_squares(problem.residuals, problem.start, bounds=bounds, max_nfev=40)
     covariance = np.linalg.pinv(found.jac.T @ found.jac)[:2, :2]
     n_lamps = len(problem.expected.glints)
     light, rest = zip(*(problem.amplitudes(found.x, view) for view in range(2)), strict=True)

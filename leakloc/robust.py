@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from leakloc.background import Frames
 from leakloc.correlate import agreement, threshold_sigmas
 from leakloc.estimate import Estimate, LeakEstimate
-from leakloc.explain import LEAK, Verdict, explain_tracks
+from leakloc.explain import BEYOND_WALL, LEAK, LEAST_DEPTH_M, Verdict, explain_tracks
 from leakloc.levelled import LevelPair, level_pair, levelled_frames
 from leakloc.levelling import Tilt, fit_tilt, no_tilt, search_tilt, track_slopes
 from leakloc.rig import Array, Rig
@@ -21,8 +21,6 @@ from leakloc.tilt import leaning_columns, level_under, upright
 from leakloc.tracks import Track, match_tracks
 
 EDGE_PX = 3
-LEAST_DEPTH_M = 0.2
-BEYOND_WALL = 1.15  # of the pedestal's radius: lines that far out are still shadows on the wall
 FAR_PX = 2.0  # least disparity without a wall
 SYSTEMATIC_PX = 0.2  # of a drop's column: where in the drop its glints stand depends on what it mirrors
 LEVEL_ROUNDS = 3
@@ -43,38 +41,39 @@ def locate_robustly(left: Frames, right: Frames, rig: Rig, expected_false_leaks:
     """Leaks, with every rejected line and its reason in the diagnostics."""
     believed = level_pair(rig)
     leaning = [streaks(levelled_frames(frames, believed, view)) for view, frames in enumerate((left, right))]
-    allowed = allowed_pairs(believed, rig)
-    least = threshold_sigmas(int(allowed.sum()), expected_false_leaks)
-    seen = shared_lines(leaning, believed, rig, (allowed, least))
+    least = threshold_sigmas(int(meeting_pairs(believed, rig).sum()), expected_false_leaks)
+    seen = shared_lines(leaning, believed, rig, least)
     verdicts = explain_tracks(seen.tracks, seen.views, seen.level, rig)
     leaks = tuple(_leak(verdict, seen.level) for verdict in verdicts if verdict.reason == LEAK)
     return Estimate("robust", rig.frame, leaks, _describe(seen, verdicts, least))
 
 
-def allowed_pairs(level: LevelPair, rig: Rig) -> NDArray[np.bool_]:
+def meeting_pairs(level: LevelPair, rig: Rig) -> NDArray[np.bool_]:
     """Pairs of columns (width, width) that meet ahead of the cameras and not far beyond the wall."""
-    width = level.image_size[0]
-    columns = np.arange(width, dtype=np.float64)
+    columns = np.arange(level.image_size[0], dtype=np.float64)
     pairs = np.stack(np.meshgrid(columns, columns, indexing="ij"), axis=-1)
     places_m = level.places_of(pairs)
-    allowed = level.depths_m(places_m) > LEAST_DEPTH_M
+    meeting = level.depths_m(places_m) > LEAST_DEPTH_M
     if rig.pedestal_radius is not None and rig.world_from_left is not None:
-        allowed &= np.hypot(places_m[..., 0], places_m[..., 1]) < BEYOND_WALL * rig.pedestal_radius
-    else:
-        allowed &= np.abs(pairs[..., 0] - pairs[..., 1]) > FAR_PX
-    inside = (columns >= EDGE_PX) & (columns < width - EDGE_PX)
-    return np.asarray(allowed & inside[:, None] & inside[None, :])
+        return np.asarray(meeting & (np.hypot(places_m[..., 0], places_m[..., 1]) < BEYOND_WALL * rig.pedestal_radius))
+    return np.asarray(meeting & (np.abs(pairs[..., 0] - pairs[..., 1]) > FAR_PX))
 
 
-def shared_lines(
-    leaning: list[Streaks], believed: LevelPair, rig: Rig, trial: tuple[NDArray[np.bool_], float]
-) -> Upright:
+def inner_pairs(width: int) -> NDArray[np.bool_]:
+    """Pairs of columns (width, width) off the images' edges."""
+    inside = np.zeros(width, np.bool_)
+    inside[EDGE_PX : width - EDGE_PX] = True
+    return inside[:, None] & inside[None, :]
+
+
+def shared_lines(leaning: list[Streaks], believed: LevelPair, rig: Rig, least_sigmas: float) -> Upright:
     """Lines that both views share, with the rig levelled by them: search, match, measure how they lean, again."""
+    inner = inner_pairs(believed.image_size[0])
     applied_rad = search_tilt(leaning, believed)
     tilt = no_tilt()
     for _ in range(LEVEL_ROUNDS):
         views = turned(leaning, believed, applied_rad)
-        tracks = match_tracks(agreement(views[0].activity, views[1].activity).sigmas, *trial)
+        tracks = match_tracks(agreement(views[0].activity, views[1].activity).sigmas, inner, least_sigmas)
         tilt = fit_tilt(track_slopes(tracks, views), believed, applied_rad, leaning[0].rows_px)
         wanted_rad = tilt.tilt_rad if tilt.significant else np.zeros(2)
         if np.abs(wanted_rad - applied_rad).max() < SETTLED_RAD:
@@ -129,10 +128,11 @@ def _describe(seen: Upright, verdicts: Sequence[Verdict], least: float) -> dict[
 
 def _describe_line(verdict: Verdict, level: LevelPair) -> dict[str, Any]:
     track = verdict.line.track
-    place_m = level.places_of(verdict.columns_px[None])[0]
+    columns_px = verdict.columns_px if verdict.reason == LEAK else verdict.line.columns_px
+    place_m = level.places_of(columns_px[None])[0]
     return {
-        "left_column_px": float(verdict.columns_px[0]),
-        "right_column_px": float(verdict.columns_px[1]),
+        "left_column_px": float(columns_px[0]),
+        "right_column_px": float(columns_px[1]),
         "x_m": float(place_m[0]),
         "y_m": float(place_m[1]),
         "sigmas": track.sigmas,
