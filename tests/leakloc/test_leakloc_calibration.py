@@ -223,8 +223,8 @@ def test_ros_files_that_stereo_rectify_fills_give_back_r_and_t(tmp_path_factory,
             f"K: {K.ravel().tolist()}\nR: {turn.ravel().tolist()}\nP: {P.ravel().tolist()}\n"
         )
     rig = read_calibration((folder / "left.yaml", folder / "right.yaml"))
-    np.testing.assert_allclose(rig.R, R, atol=1e-9)
-    np.testing.assert_allclose(rig.T, T, atol=1e-9)
+    np.testing.assert_allclose(rig.R, R, atol=2e-5)  # stereoRectify takes 1e-5 rad for none
+    np.testing.assert_allclose(rig.T, T, atol=1e-5)
 
 
 def test_a_rational_polynomial_lens_keeps_its_eight_coefficients(tmp_path):

