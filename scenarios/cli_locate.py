@@ -102,7 +102,10 @@ def _located(view: Clip, options: dict[str, Any]) -> Estimate:
     given = {"k_sigma": options["k_sigma"], "g_win_px": options["g_win"], "subtractor": options["subtractor"]}
     papers = {name: value for name, value in given.items() if value is not None}
     if options["method"] == "paper":
-        return leakloc.locate(view.left, view.right, view.rig, method="paper", options=leakloc.PaperOptions(**papers))
+        straight = leakloc.rectify(view.left, view.right, view.rig)  # the paper's columns must be plumb
+        chosen = leakloc.PaperOptions(**papers)
+        found = leakloc.locate(straight.left, straight.right, straight.rig, method="paper", options=chosen)
+        return straight.estimate_of_raw(found)
     if papers:
         raise click.UsageError("--k-sigma, --g-win and --subtractor belong to --method paper")
     expected = options["expected_false_leaks"]

@@ -12,7 +12,7 @@ PACKAGES = ("simcam", "noise", "leakloc", "scenarios")
 MAY_IMPORT = {
     "simcam": {"numpy", "scipy", "cv2", "trimesh", "embreex"},
     "noise": {"numpy", "scipy", "cv2"},
-    "leakloc": {"numpy", "scipy", "cv2"},
+    "leakloc": {"numpy", "scipy", "cv2", "yaml"},
     "scenarios": {
         *{"numpy", "scipy", "cv2", "pydantic", "click", "matplotlib", "tqdm", "tomli_w"},
         "hypothesis",  # its strategies, in space.py, imported where they are used

@@ -1,0 +1,90 @@
+"""`leakloc locate` in its three forms: a clip, footage with a calibration, several views."""
+
+import json
+import math
+
+import pytest
+from click.testing import CliRunner
+
+from scenarios.cli import main
+
+SMALL = ["--set", "rig.width_px=480", "--set", "rig.height_px=270", "--set", "gamma.dose_rate_gy_h=1.0"]
+
+
+def run(*arguments):
+    return CliRunner().invoke(main, [str(a) for a in arguments], prog_name="leakloc")
+
+
+def places(path):
+    return sorted((leak["x_m"], leak["y_m"]) for leak in json.loads(path.read_text())["leaks"])
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("locate") / "clip"
+    result = run("simulate", "crowded_4", "-o", folder, *SMALL)
+    assert result.exit_code == 0, result.output
+    return folder
+
+
+@pytest.mark.parametrize("method", ["paper", "robust"])
+def test_footage_with_its_calibration_gives_what_its_clip_folder_gives(clip, tmp_path, method):
+    assert run("locate", clip, "--method", method, "-o", tmp_path / "a.json").exit_code == 0
+    footage = [clip / "left", clip / "right", "--rig", clip / "rig.yaml"]
+    result = run("locate", *footage, "--method", method, "-o", tmp_path / "b.json")
+    assert result.exit_code == 0, result.output
+    assert places(tmp_path / "a.json") == places(tmp_path / "b.json")
+    assert len(places(tmp_path / "a.json")) >= 2
+
+
+def test_views_of_a_rig_that_turned_are_fused_into_one_map(tmp_path):
+    # one leak seen by both views, one by the left view alone; the rig stands so that no camera turns into the wall
+    drip = "drop_radius_m=0.0115,drip_period_s=0.27"
+    leaks = f"leak=[{{x_m=0.6,y_m=0.7,{drip}}},{{x_m=0.0,y_m=2.1,{drip}}}]"
+    inside = ["--set", "rig.position_m=[-2.2,0.0,0.0]"]
+    views = []
+    for pan in (0, 30):
+        views.append(tmp_path / f"pan{pan}")
+        made = run("simulate", "plain", "-o", views[-1], *SMALL, *inside, "--set", leaks, "--set", f"rig.yaw_deg={pan}")
+        assert made.exit_code == 0, made.output
+    fused = run("locate", *views, "--pan", "0", "30", "-o", tmp_path / "map.json", "--method", "robust")
+    assert fused.exit_code == 0, fused.output
+    found = places(tmp_path / "map.json")
+    for true in ((0.6, 0.7), (0.0, 2.1)):
+        assert min(math.dist(true, place) for place in found) < 0.1
+    assert len(found) == 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["{clip}", "--pan", "-40", "0"], "an angle for each of the 1 views, got 2"),
+        (["{clip}", "{clip}", "{clip}", "--rig", "{clip}/rig.yaml"], "two paths"),
+        (["{clip}", "--k-sigma", "3", "--method", "robust"], "belong to --method paper"),
+        (["{clip}/left", "{clip}/left", "--rig", "{clip}/rig.yaml"], "two cameras"),
+        (["{clip}/left", "{clip}/right", "--rig", "{clip}/input.json"], "input.json"),
+        (["{clip}/left", "{clip}/nowhere", "--rig", "{clip}/rig.yaml"], "nowhere"),
+        (["{clip}/left"], "left"),
+    ],
+)
+def test_a_call_that_cannot_be_meant_is_refused(clip, arguments, words):
+    result = run("locate", *(word.format(clip=clip) for word in arguments))
+    assert result.exit_code == 2, result.output
+    assert words in result.output
+    assert "Traceback" not in result.output
+
+
+def test_a_page_of_pictures_is_written(clip, tmp_path):
+    assert run("locate", clip, "--figure", tmp_path / "found.html").exit_code == 0
+    page = (tmp_path / "found.html").read_text()
+    assert page.count("<svg") == 2
+    assert page.count("<img") == 4
+
+
+def test_the_papers_other_subtractors_can_be_chosen(clip, tmp_path):
+    for subtractor in ("median", "mean", "mog2"):
+        result = run(
+            "locate", clip, "--method", "paper", "--subtractor", subtractor, "-o", tmp_path / f"{subtractor}.json"
+        )
+        assert result.exit_code == 0, result.output
+    assert places(tmp_path / "median.json") != places(tmp_path / "mog2.json")
