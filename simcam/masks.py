@@ -13,7 +13,7 @@ from simcam.lens import FloatArray
 from simcam.path import landing_m
 from simcam.recording import Recording
 from simcam.scene import Scene
-from simcam.shadows import expose_shadow, shadow_table
+from simcam.shadows import expose_shadow, shadow_tables
 from simcam.static import light_scene, static_view
 from simcam.streaks import coverage_table, expose_drop
 
@@ -63,18 +63,15 @@ def static_depth(scene: Scene, camera: Camera) -> FloatArray:
 def shadow_mask(scene: Scene, camera: Camera, recording: Recording, frame: int) -> FloatArray:
     """Share of a lamp's disc that drops hide from what each pixel sees, mean over the exposure, summed over lamps.
 
-    Float32 (height, width); 0 where structure hides the lamp anyway.
+    Float32 (height, width); 0 where structure hides the lamp anyway, and in a scene without drop shadows.
     """
     lit, view = light_scene(scene), static_view(scene, camera)
     lamps_on = replace(view, direct=(view.direct > 0).astype(np.float32))
     mask = np.zeros(view.radiance.size, np.float32)
     delays_s = recording.row_delays_s(camera.height_px)
-    for leak in scene.leaks:
+    for leak in scene.leaks if scene.drop_shadows else ():
         falling_s = float(fall_time(landing_m(lit, leak)))
-        for lamp_index in range(len(lit.lamps)):
-            table = shadow_table(lit, lamps_on, leak, lamp_index)
-            if table is None:
-                continue
+        for table in shadow_tables(lit, lamps_on, leak):
             for released_s in leak.drop_times_s:
                 opens, closes = (
                     np.clip(edge + delays_s - released_s, 0, falling_s)

@@ -17,8 +17,8 @@ from simcam.path import landing_m
 from simcam.recording import Recording
 from simcam.rig import StereoRig
 from simcam.scene import Leak, Scene
-from simcam.shadows import ShadowTable, expose_shadow, shadow_table
-from simcam.static import LitScene, StaticView, light_scene, static_view
+from simcam.shadows import ShadowTable, expose_shadow, shadow_tables
+from simcam.static import light_scene, static_view
 from simcam.streaks import StreakTable, expose_drop, streak_table
 
 
@@ -41,7 +41,15 @@ def render_clip(scene: Scene, rig: StereoRig, recording: Recording) -> StereoCli
 def render_view(scene: Scene, camera: Camera, recording: Recording) -> FloatArray:
     """Linear expected photo-electrons of one camera, float32 (frames, height, width)."""
     lit, view = light_scene(scene), static_view(scene, camera)
-    moving = [_leak_tables(lit, view, camera, leak) for leak in scene.leaks]
+    moving = [
+        _Moving(
+            leak,
+            float(fall_time(landing_m(lit, leak))),
+            streak_table(lit, view, camera, leak),
+            shadow_tables(lit, view, leak) if scene.drop_shadows else [],
+        )
+        for leak in scene.leaks
+    ]
     still = _blurred(view.radiance, recording.psf_sigma_px) * np.float32(recording.responsivity * recording.exposure_s)
     frames = np.repeat(still[None], recording.n_frames, axis=0)
     delays_s = recording.row_delays_s(camera.height_px)
@@ -60,13 +68,6 @@ class _Moving:
     fall_s: float
     streak: StreakTable | None
     shadows: list[ShadowTable]
-
-
-def _leak_tables(lit: LitScene, view: StaticView, camera: Camera, leak: Leak) -> _Moving:
-    tables = [shadow_table(lit, view, leak, index) for index in range(len(lit.lamps))]
-    shadows = [table for table in tables if table is not None]
-    fall_s = float(fall_time(landing_m(lit, leak)))
-    return _Moving(leak, fall_s, streak_table(lit, view, camera, leak), shadows)
 
 
 def _change(moving: list[_Moving], size: int, opens_s: FloatArray, closes_s: FloatArray) -> FloatArray:

@@ -100,13 +100,18 @@ class Leak:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A lit pedestal with leaks; `bounces` is how many times light is passed on between the walls."""
+    """A lit pedestal with leaks; `bounces` is how many times light is passed on between the walls.
+
+    Physics that can be switched off to find out why an estimator fails: without `drop_shadows`, drops take no light
+    from wall, floor and structure (what is seen through a drop still has that drop's own shadow).
+    """
 
     pedestal: Pedestal = field(default_factory=Pedestal)
     lamps: tuple[Lamp, ...] = (Lamp(),)
     leaks: tuple[Leak, ...] = ()
     structures: tuple[Structure, ...] = ()
     bounces: int = 8
+    drop_shadows: bool = True
 
     def __post_init__(self) -> None:
         """Check that lamps and leaks are inside the pedestal."""

@@ -45,6 +45,12 @@ class ShadowTable:
     widest_m: float
 
 
+def shadow_tables(lit: LitScene, view: StaticView, leak: Leak) -> list[ShadowTable]:
+    """Tables of one leak and view, of every lamp whose light its drops can take."""
+    tables = [shadow_table(lit, view, leak, index) for index in range(len(lit.lamps))]
+    return [table for table in tables if table is not None]
+
+
 def shadow_table(lit: LitScene, view: StaticView, leak: Leak, lamp_index: int) -> ShadowTable | None:
     """Table of one leak, lamp and view; None when no pixel can be shaded.
 

@@ -48,7 +48,7 @@ class BruteForce:
         view = cast_view(self.lit, self.camera)
         radiance = view.radiance.astype(float).ravel()
         drops = list(self.falling(time_s))
-        for centre_m, radius_m in drops:
+        for centre_m, radius_m in drops if self.scene.drop_shadows else ():
             for lamp, direct in zip(self.lit.lamps, view.direct, strict=True):
                 for surface in self.places:
                     drops_m = np.repeat(centre_m[None], surface.kind.size, axis=0)

@@ -1,5 +1,7 @@
 """Energy of streaks: what a drop adds does not depend on where it falls between pixels."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -72,6 +74,19 @@ def test_a_drop_of_1_5_px_covers_its_own_area(columns_px):
     area_px = np.pi * (0.006 * LENS.focal_px / 2.4) ** 2
     mask = drop_mask(Scene(PEDESTAL, (Lamp(),), (leak,)), camera, Recording(1, 12.0, 0.02), 0)
     assert mask.sum() == pytest.approx(area_px, rel=0.02)
+
+
+def test_without_drop_shadows_a_drop_changes_only_what_it_covers():
+    leak, camera, recording = Leak(0.0, 0.0, 0.3, 0.02, np.array([-FALL_S])), stereo_rig(lens=LENS).left, Recording(1)
+    scene = Scene(PEDESTAL, (Lamp(),), (leak,))
+    unshaded, covered = replace(scene, drop_shadows=False), drop_mask(scene, camera, recording, 0) > 0
+    still, shaded, plain = (
+        render_view(one, camera, recording)[0] for one in (replace(scene, leaks=()), scene, unshaded)
+    )
+    np.testing.assert_array_equal(plain[~covered], still[~covered])
+    assert (shaded[~covered] < still[~covered]).any()
+    assert np.abs(plain - still)[covered].max() > 0
+    assert (shadow_mask(unshaded, camera, recording, 0) == 0).all()
 
 
 def test_halving_the_exposure_halves_the_streak():
