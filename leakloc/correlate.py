@@ -22,7 +22,8 @@ FOLDS = (
     4,
 )  # bands summed before the product: short exposures leave short streaks, long ones gain from the longer sum
 ACROSS = np.array([[0.25, 0.5, 0.25]], np.float32)  # a drop's image is some columns wide
-LEAST_ENERGY = 0.3  # of the median column: a dead column must not turn rounding into certainty
+LEAST_ENERGY = 0.2  # of a sample's noise: a dead column must not turn rounding into certainty
+LEAST_NOISY_COLUMNS = 30  # of those looked at: fewer cannot say how unrelated columns scatter
 SCALE_STEP = 3  # every third pair of columns is enough to measure how unrelated ones scatter
 CELL_PX = 1.0  # columns that count as one independent trial: measured on clips without leaks, 0 to 200 Gy/h
 
@@ -67,15 +68,10 @@ def _samples(activity: Activity, fold: int) -> NDArray[np.float32]:
 
 def _signed_root(left: NDArray[np.float32], right: NDArray[np.float32]) -> NDArray[np.float32]:
     energies = [np.einsum("sj,sj->j", samples, samples) for samples in (left, right)]
-    alive = [energy > LEAST_ENERGY * _usual(energy) for energy in energies]
-    norms = [np.sqrt(np.where(live, energy, np.inf)) for live, energy in zip(alive, energies, strict=True)]
+    norms = [np.sqrt(np.maximum(energy, LEAST_ENERGY * len(left))) for energy in energies]
     rho = np.clip((left / norms[0]).T @ (right / norms[1]), -0.999999, 0.999999)
     root = np.sign(rho) * np.sqrt(-len(left) * np.log1p(-(rho**2)))
-    unrelated = root[np.ix_(*alive)][::SCALE_STEP, ::SCALE_STEP]
-    scale = 1.4826 * float(np.median(np.abs(unrelated))) if unrelated.size else 0.0
-    return root / scale if scale > 0 else np.zeros_like(root)
-
-
-def _usual(energy: NDArray[np.float32]) -> float:
-    """Energy of the median column that changes at all; infinite if none does."""
-    return float(np.median(energy[energy > 0])) if (energy > 0).any() else np.inf
+    noisy = [np.flatnonzero(energy > LEAST_ENERGY * len(left))[::SCALE_STEP] for energy in energies]
+    if min(map(len, noisy)) < LEAST_NOISY_COLUMNS:
+        return np.asarray(root)
+    return np.asarray(root / (1.4826 * np.median(np.abs(root[np.ix_(*noisy)]))))

@@ -11,6 +11,7 @@ from leakloc.streaks import Activity
 Signature = NDArray[np.float64]  # (frames, bands), positive while something passes
 
 BESIDE_PX = 1
+LEAST_SIGMA = 0.3  # of a profile, in units of the activity's noise: where nearly all columns are at rest
 POLARITY_BANDS = 4  # summed before the sign is asked
 
 
@@ -37,7 +38,7 @@ def signed_profile(activity: Activity, other_view: Signature) -> Profile:
     The other view's, because its noise is not this view's: a column's own noise would always agree with itself.
     """
     n, bands, width = activity.shape
-    weights = (other_view / np.sqrt((other_view**2).sum())).astype(np.float32)
+    weights = (other_view / max(float(np.linalg.norm(other_view)), 1e-9)).astype(np.float32)
     values = (weights.ravel() @ activity.reshape(n * bands, width)).astype(np.float64)
     values -= np.median(values)
-    return Profile(values, 1.4826 * float(np.median(np.abs(values))))
+    return Profile(values, max(1.4826 * float(np.median(np.abs(values))), LEAST_SIGMA))

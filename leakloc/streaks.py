@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtr
 
 from leakloc.background import Frames, temporal_median
 
@@ -19,8 +20,10 @@ Activity = NDArray[np.float32]  # (frames, bands, width), in standard deviations
 BANDS = 36  # bands per image height: at the paper's fall speeds a streak of 10 ms still fills one
 MIN_BAND_ROWS = 4
 CLIP_DARK = 5.0  # standard deviations of a pixel: nothing darkens but drops and shadows
-CLIPS_BRIGHT = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0)  # standard deviations to choose from: gamma hits only ever brighten
+CLIPS_BRIGHT = np.array([0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 10.0, 100.0])  # standard deviations: hits only ever brighten
+AS_GOOD = 0.995  # of the best efficacy: the widest limit that has it keeps strong signals whole
 NOISE_FLOOR_GREY = 0.3  # what rounding to whole grey leaves of a noise-free pixel
+ROUNDING_GREY = 12**-0.5  # standard deviation of rounding to whole grey
 BRIGHTNESS_BINS = 8
 NOISE_STEP_PX = 3  # every third row and column is enough to measure the noise
 TILE_PX = 32  # columns that share one noise scale
@@ -30,16 +33,15 @@ TILE_PX = 32  # columns that share one noise scale
 class Streaks:
     """Activity of one view.
 
-    `activity` (n, bands, width): band sums minus their temporal median, over their noise; 0 where a band never
-    changes. `signal_grey` (bands, width): noise of a band's mean, grey. `rows_px` (bands,): middle rows.
-    `noise_grey`: a pixel's noise, median over the image. `live` (bands, width): where there is noise at all.
+    `activity` (n, bands, width): band sums minus their temporal median, over their noise, which is at least that of
+    rounding. `scale_grey` (bands, width): noise of a band's mean, grey. `rows_px` (bands,): middle rows.
+    `noise_grey`: a pixel's noise, median over the image.
     """
 
     activity: Activity
     scale_grey: NDArray[np.float32]
     rows_px: NDArray[np.float64]
     noise_grey: float
-    live: NDArray[np.bool_]
 
 
 def streaks(frames: Frames) -> Streaks:
@@ -49,11 +51,10 @@ def streaks(frames: Frames) -> Streaks:
     sums, rows_px = band_sums(frames, *clip_limits(frames, median.grey, noise_grey, clip_bright))
     band_rows = rows_px[1] - rows_px[0] if len(rows_px) > 1 else 2 * rows_px[0] + 1
     sums -= np.median(sums, axis=0)
-    scale = band_noise(sums)
-    live = scale > 0
-    sums /= np.where(live, scale, np.inf)
+    scale = np.maximum(band_noise(sums), ROUNDING_GREY * np.sqrt(band_rows))
+    sums /= scale
     sums -= np.median(sums, axis=2, keepdims=True)  # lamps flicker and exposures drift for a whole row at once
-    return Streaks(sums, (scale / band_rows).astype(np.float32), rows_px, float(np.median(noise_grey)), live)
+    return Streaks(sums, (scale / band_rows).astype(np.float32), rows_px, float(np.median(noise_grey)))
 
 
 def pixel_noise(frames: Frames, median_grey: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
@@ -82,11 +83,14 @@ def best_bright_clip(residual: NDArray[np.float64]) -> float:
     Statistics, 3.2).
     """
     whole = np.maximum(residual.ravel(), -CLIP_DARK)
-    within = [((whole > -CLIP_DARK) & (whole < limit)).mean() for limit in CLIPS_BRIGHT]
-    spread = [np.minimum(whole, limit).std() for limit in CLIPS_BRIGHT]
-    return CLIPS_BRIGHT[
-        int(np.argmax([share / sd if sd > 0 else 0.0 for share, sd in zip(within, spread, strict=True)]))
-    ]
+    within = np.array([((whole > -CLIP_DARK) & (whole < limit)).mean() for limit in CLIPS_BRIGHT])
+    spread = np.array([np.minimum(whole, limit).std() for limit in CLIPS_BRIGHT])
+    gaussian = np.minimum(np.linspace(-CLIP_DARK, CLIP_DARK, 1001)[:, None], CLIPS_BRIGHT)
+    weights = np.exp(-0.5 * np.linspace(-CLIP_DARK, CLIP_DARK, 1001) ** 2)
+    weights /= weights.sum()
+    least = np.sqrt(weights @ gaussian**2 - (weights @ gaussian) ** 2)  # where rounding is all the noise there is
+    efficacy = np.minimum(within, ndtr(CLIPS_BRIGHT)) / np.maximum(spread, least)
+    return float(CLIPS_BRIGHT[np.flatnonzero(efficacy >= AS_GOOD * efficacy.max())[-1]])
 
 
 def _dark_spread(residual_grey: NDArray[np.float64]) -> float:
