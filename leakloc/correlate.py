@@ -25,14 +25,20 @@ ACROSS = np.array([[0.25, 0.5, 0.25]], np.float32)  # a drop's image is some col
 LEAST_ENERGY = 0.2  # of a sample's noise: a dead column must not turn rounding into certainty
 LEAST_NOISY_COLUMNS = 30  # of those looked at: fewer cannot say how unrelated columns scatter
 SCALE_STEP = 3  # every third pair of columns is enough to measure how unrelated ones scatter
+BRIGHT_FROM, BRIGHT_TO = 1.0, 4.0  # noise units of a band: nothing is left where shadows pass, little of a hit
+KINDS = 2  # signed and bright
 CELL_PX = 1.0  # columns that count as one independent trial: measured on clips without leaks, 0 to 200 Gy/h
 
 
 @dataclass(frozen=True, eq=False)
 class Agreement:
-    """Significance of every pair of columns, (width left, width right), in standard deviations of unrelated columns."""
+    """Significance of every pair of columns, (width left, width right), in standard deviations of unrelated columns.
 
-    sigmas: NDArray[np.float32]
+    `signed`: of everything that passes, drops and shadows; `bright`: of what brightens alone, which shadows do not.
+    """
+
+    signed: NDArray[np.float32]
+    bright: NDArray[np.float32]
 
 
 def agreement(left: Activity, right: Activity) -> Agreement:
@@ -42,17 +48,16 @@ def agreement(left: Activity, right: Activity) -> Agreement:
     chi-squared of one degree of freedom (Anderson, Multivariate Statistical Analysis, 4.2); its signed root is held
     against its own scale over all pairs, nearly all of which are unrelated.
     """
-    best: NDArray[np.float32] | None = None
-    for fold in FOLDS:
-        sigmas = _signed_root(*(_samples(activity, fold) for activity in (left, right)))
-        best = sigmas if best is None else np.maximum(best, sigmas)
-    assert best is not None
-    return Agreement(best)
+    samples = [(_samples(left, fold), _samples(right, fold)) for fold in FOLDS]
+    signed = np.maximum(*(_signed_root(*pair) for pair in samples))
+    shining = [np.clip(activity, BRIGHT_FROM, BRIGHT_TO) for activity in (left, right)]
+    bright = np.maximum(*(_signed_root(*(_samples(activity, fold) for activity in shining)) for fold in FOLDS))
+    return Agreement(signed, bright)
 
 
 def threshold_sigmas(n_pairs: int, expected_false: float) -> float:
-    """Significance that unrelated columns exceed `expected_false` times in n_pairs column pairs, over all folds."""
-    trials = max(1.0, len(FOLDS) * n_pairs / CELL_PX**2)
+    """Significance that unrelated columns exceed `expected_false` times in n_pairs pairs, over folds and kinds."""
+    trials = max(1.0, KINDS * len(FOLDS) * n_pairs / CELL_PX**2)
     return float(norm.isf(min(0.5, expected_false / trials)))
 
 

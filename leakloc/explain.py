@@ -61,7 +61,7 @@ def explain_tracks(tracks: Sequence[Track], views: Sequence[Streaks], level: Lev
     """A verdict per track: bright lines first, then what they leave unexplained; strongest first within each."""
     lines = [understand(track, views, level, rig) for track in tracks]
     verdicts: list[Verdict] = []
-    for line in sorted(lines, key=lambda one: (one.on_wall or one.polarity < DARK, -one.track.sigmas)):
+    for line in sorted(lines, key=lambda one: (_shadowy(one), not one.track.bright, -one.track.sigmas)):
         found = [v for v in verdicts if v.reason == LEAK]
         verdict = judge(line, views, level, rig)
         if verdict.reason == LEAK and any(_same(verdict, other) for other in found):
@@ -75,7 +75,9 @@ def explain_tracks(tracks: Sequence[Track], views: Sequence[Streaks], level: Lev
 def understand(track: Track, views: Sequence[Streaks], level: LevelPair, rig: Rig) -> Line:
     """Polarity and place of a track."""
     columns_px = np.array([track.left_px, track.right_px], dtype=np.float64)
-    sides = [polarity(view.activity, int(c)) for view, c in zip(views, columns_px, strict=True)]
+    sides = (
+        [1.0] * 2 if track.bright else [polarity(v.activity, int(c)) for v, c in zip(views, columns_px, strict=True)]
+    )
     on_wall = stands_on_wall(columns_px, level, rig)
     return Line(track, columns_px, level.places_of(columns_px[None])[0], float(np.mean(sides)), on_wall)
 
@@ -130,7 +132,7 @@ def signed_profiles(line: Line, views: Sequence[Streaks], sign: float) -> list[P
 
 def _faint(verdict: Verdict) -> bool:
     """Whether a line that is not bright for certain shows no drop of its own, or hardly."""
-    if verdict.line.polarity > -DARK and not verdict.line.on_wall:
+    if verdict.line.track.bright or (verdict.line.polarity > -DARK and not verdict.line.on_wall):
         return False
     if verdict.reason != LEAK or verdict.fit is None:
         return True
@@ -159,7 +161,7 @@ def _explains(leak: Verdict, columns_px: Array, level: LevelPair, rig: Rig) -> b
 
 
 def _shadowy(line: Line) -> bool:
-    return line.on_wall or line.polarity < DARK
+    return not line.track.bright and (line.on_wall or line.polarity < DARK)
 
 
 def _same(one: Verdict, known: Verdict) -> bool:

@@ -18,7 +18,7 @@ from leakloc.levelling import Tilt, fit_tilt, no_tilt, search_tilt, track_slopes
 from leakloc.rig import Array, Rig
 from leakloc.streaks import Streaks, streaks
 from leakloc.tilt import leaning_columns, level_under, upright
-from leakloc.tracks import Track, match_tracks
+from leakloc.tracks import Track, shared_tracks
 
 EDGE_PX = 3
 FAR_PX = 2.0  # least disparity without a wall
@@ -73,7 +73,8 @@ def shared_lines(leaning: list[Streaks], believed: LevelPair, rig: Rig, least_si
     tilt = no_tilt()
     for _ in range(LEVEL_ROUNDS):
         views = turned(leaning, believed, applied_rad)
-        tracks = match_tracks(agreement(views[0].activity, views[1].activity).sigmas, inner, least_sigmas)
+        agreed = agreement(views[0].activity, views[1].activity)
+        tracks = shared_tracks(agreed.signed, agreed.bright, inner, least_sigmas)
         tilt = fit_tilt(track_slopes(tracks, views), believed, applied_rad, leaning[0].rows_px)
         wanted_rad = tilt.tilt_rad if tilt.significant else np.zeros(2)
         if np.abs(wanted_rad - applied_rad).max() < SETTLED_RAD:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
@@ -12,7 +11,7 @@ from scipy.optimize import linear_sum_assignment
 Sigmas = NDArray[np.float32]  # (width left, width right), standard deviations of unrelated columns
 
 APART_PX = 3  # two peaks nearer than this are one
-CROSSING_SHARE = 0.6  # of the covering line's significance
+BRIGHT_SHARE = 1.5  # of the threshold, for bright lines: hits leave sparse samples, whose chance has a longer tail
 NEAR_PX = 1  # a pair's agreement is the best within this of both columns
 
 
@@ -28,6 +27,18 @@ class Track:
     right_px: int
     sigmas: float
     runner_up_sigmas: float
+    bright: bool = False
+
+
+def shared_tracks(signed: Sigmas, bright: Sigmas, allowed: NDArray[np.bool_], least_sigmas: float) -> list[Track]:
+    """Lines of either agreement: bright lines for themselves, since shadows that cover them in a view outshout them."""
+    shining = [replace(track, bright=True) for track in match_tracks(bright, allowed, BRIGHT_SHARE * least_sigmas)]
+    others = match_tracks(signed, allowed, least_sigmas)
+    return shining + [track for track in others if not any(_same(track, known) for known in shining)]
+
+
+def _same(one: Track, other: Track) -> bool:
+    return abs(one.left_px - other.left_px) <= NEAR_PX and abs(one.right_px - other.right_px) <= NEAR_PX
 
 
 def peaks(values: NDArray[np.floating], least: float, apart_px: int = APART_PX) -> NDArray[np.intp]:
@@ -38,7 +49,7 @@ def peaks(values: NDArray[np.floating], least: float, apart_px: int = APART_PX) 
 
 
 def match_tracks(sigmas: Sigmas, allowed: NDArray[np.bool_], least_sigmas: float) -> list[Track]:
-    """Pairs of columns at the greatest total likelihood, strongest first; no column twice but where lines cross.
+    """Pairs of columns at the greatest total likelihood, none used twice, strongest first.
 
     Candidates are the peaks of each view's best agreement over `allowed` pairs (N lines would pair in N^2 ways); a pair
     gains sigmas^2, and both columns staying single costs least_sigmas^2, so nothing below the threshold is matched.
@@ -56,28 +67,7 @@ def match_tracks(sigmas: Sigmas, allowed: NDArray[np.bool_], least_sigmas: float
             others = np.concatenate([np.delete(pairs[i], j), np.delete(pairs[:, j], i)])
             runner_up = float(others.max(initial=-np.inf))
             tracks.append(Track(int(left[i]), int(right[j]), float(pairs[i, j]), runner_up))
-    return sorted(tracks + _crossing(held, tracks, least_sigmas), key=lambda track: -track.sigmas)
-
-
-def _crossing(held: Sigmas, tracks: list[Track], least_sigmas: float) -> list[Track]:
-    """Pairs that share a column with a stronger one in a single view: lines that cover one another there.
-
-    Their column in the other view is nobody else's, and they agree about as surely as the line that covers them;
-    what is left of two unrelated drips' agreement by chance does neither.
-    """
-    around = np.ones((2 * APART_PX + 1, 2 * APART_PX + 1), np.uint8)
-    summits = np.argwhere((held == cv2.dilate(held, around)) & (held > least_sigmas))
-    found: list[Track] = []
-    for i, j in sorted(summits.tolist(), key=lambda pair: -held[pair[0], pair[1]]):
-        known = tracks + found
-        left_rivals = [t for t in known if abs(t.left_px - i) <= APART_PX]
-        right_rivals = [t for t in known if abs(t.right_px - j) <= APART_PX]
-        if bool(left_rivals) == bool(right_rivals):
-            continue
-        rival = max(t.sigmas for t in left_rivals + right_rivals)
-        if held[i, j] > CROSSING_SHARE * rival:
-            found.append(Track(i, j, float(held[i, j]), rival))
-    return found
+    return sorted(tracks, key=lambda track: -track.sigmas)
 
 
 def _best_near(held: Sigmas, left: NDArray[np.intp], right: NDArray[np.intp]) -> Sigmas:
