@@ -119,7 +119,7 @@ def main():
     )
     total_ms, estimate = report(
         "total, both views",
-        lambda: locate(left, right, rig, options=options),
+        lambda: locate(left, right, rig, method="paper", options=options),
         lambda: slow.locate(left, right, rig.P1, rig.P2),
         lambda a, b: pairs_of(a) == b[2] and np.allclose(places_of(a), b[3], rtol=1e-9),
     )

@@ -17,9 +17,12 @@ BLUR_PX = 0.75  # standard deviation of a point's image: lens, and the pixel's o
 CHORD_NODES = 24
 CHORD_ANGLES = np.arange(1, CHORD_NODES + 1) * np.pi / (CHORD_NODES + 1)
 CHORD_PLACES, CHORD_WEIGHTS = np.cos(CHORD_ANGLES), np.sin(CHORD_ANGLES) ** 2 / (np.sin(CHORD_ANGLES) ** 2).sum()
+RADIUS_FACTORS = (1 / 3, 2.5)  # drops of 2 to 15 mm; two lamps' glints stand apart and tell, one lamp's do not
 DROP_RADIUS_M = 0.006  # in the middle of what drips: free drops reach 3 mm, drops of the paper are drawn larger
 UNKNOWN_GLINT = (np.zeros(1), np.ones(1))  # without a lamp: in the middle of the drop
 LAMP_ERROR_M, WALL_ERROR = 0.05, 0.01  # how well lamp and wall (share of its radius) are believed to be known
+RADIUS_SPREAD = 0.7  # of its logarithm
+ONE_RADIUS = 1e-6
 WIDTH_SPREAD = 0.15  # of the logarithm of a shadow's width
 WINDOW_PX = 25
 STRAY_PX = 1.5  # of a drop from where it was seen, lest it slides onto its shadow
@@ -60,6 +63,11 @@ class Prediction:
     blur_px: Array
     spread_px: Array
     glints: list[list[tuple[Array, Array]]]
+
+    @property
+    def lamps(self) -> int:
+        """How many lamps glitter."""
+        return len(self.glints)
 
 
 def gaussian(columns_px: Array, centre_px: float, sigma_px: float) -> Array:
@@ -110,7 +118,11 @@ def _shadow(place_m: Array, lamp: Array, level: LevelPair, radius_m: float) -> t
 
 
 class _Problem:
-    """Residuals of one leak's model; parameters: the drop's two columns, then per shadow two columns and log width."""
+    """Residuals of one leak's model.
+
+    Parameters: the drop's two columns, the logarithm of its radius over DROP_RADIUS_M, then per shadow two columns and
+    the logarithm of its width over the predicted one.
+    """
 
     def __init__(self, profiles: Sequence[Profile], start_px: Array, level: LevelPair, rig: Rig) -> None:
         width = len(profiles[0].values)
@@ -127,18 +139,32 @@ class _Problem:
         reach_px = WINDOW_PX + self.expected.blur_px
         self.shadows = np.flatnonzero((np.abs(self.expected.shadows_px - start_px) < reach_px).any(axis=1))
         self.start = np.concatenate(
-            [start_px, *(np.append(self.expected.shadows_px[lamp], 0.0) for lamp in self.shadows)]
+            [start_px, [0.0], *(np.append(self.expected.shadows_px[lamp], 0.0) for lamp in self.shadows)]
         )
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Least and greatest parameters: the drop stays where it was seen, its radius unknown to one lamp."""
+        least, most = np.full_like(self.start, -np.inf), np.full_like(self.start, np.inf)
+        least[:2], most[:2] = self.start[:2] - STRAY_PX, self.start[:2] + STRAY_PX
+        told = self.expected.lamps > 1
+        least[2], most[2] = np.log(RADIUS_FACTORS) if told else (-ONE_RADIUS, ONE_RADIUS)
+        return least, most
 
     def shapes(self, theta: Array, view: int) -> Array:
         """Columns' light of unit glints and shadows, (columns, shapes)."""
         x = self.columns[view]
         parts = [
-            np.sum([s * gaussian(x, theta[view] + o, BLUR_PX) for o, s in zip(*glint[view], strict=True)], axis=0)
+            np.sum(
+                [
+                    s * gaussian(x, theta[view] + np.exp(theta[2]) * o, BLUR_PX)
+                    for o, s in zip(*glint[view], strict=True)
+                ],
+                axis=0,
+            )
             for glint in self.expected.glints
         ]
         for k, lamp in enumerate(self.shadows):
-            at, log_width = theta[2 + 3 * k + view], theta[4 + 3 * k]
+            at, log_width = theta[3 + 3 * k + view], theta[5 + 3 * k]
             parts.append(blurred_chord(x, at, self.expected.blur_px[lamp, view] * np.exp(log_width)))
         return np.stack(parts, axis=1)
 
@@ -151,6 +177,7 @@ class _Problem:
     def residuals(self, theta: Array) -> Array:
         """Both views' rests, and how far shadows stray from where lamp and wall put them."""
         parts = [self.amplitudes(theta, view)[1] for view in range(2)]
+        parts.append(theta[2:3] / RADIUS_SPREAD)
         place_m = self.level.places_of(theta[None, :2])[0]
         for k, lamp in enumerate(self.shadows):
             here = (
@@ -160,8 +187,8 @@ class _Problem:
             )
             here = np.where(np.isnan(here), theta[:2], here)  # at the wall a drop stands on its shadow
             parts += [
-                (theta[2 + 3 * k : 4 + 3 * k] - here) / self.expected.spread_px[lamp],
-                theta[4 + 3 * k : 5 + 3 * k] / WIDTH_SPREAD,
+                (theta[3 + 3 * k : 5 + 3 * k] - here) / self.expected.spread_px[lamp],
+                theta[5 + 3 * k : 6 + 3 * k] / WIDTH_SPREAD,
             ]
         return np.concatenate(parts)
 
@@ -169,10 +196,8 @@ class _Problem:
 def fit_line(profiles: Sequence[Profile], start_px: Array, level: LevelPair, rig: Rig) -> LineFit:
     """Least-squares fit of both views' profiles; start_px (2,): the drop's columns to within a pixel or two."""
     problem = _Problem(profiles, start_px, level, rig)
-    reach_px = np.full_like(problem.start, np.inf)
-    reach_px[:2] = STRAY_PX
-    bounds = (problem.start - reach_px, problem.start + reach_px)
-    found = least_squares(problem.residuals, problem.start, bounds=bounds, max_nfev=40)
+    bounds = problem.bounds()
+    found = least_squares(problem.residuals, problem.start, bounds=bounds, max_nfev=20, ftol=1e-4, xtol=1e-4, gtol=1e-4)
     covariance = np.linalg.pinv(found.jac.T @ found.jac)[:2, :2]
     n_lamps = len(problem.expected.glints)
     light, rest = zip(*(problem.amplitudes(found.x, view) for view in range(2)), strict=True)

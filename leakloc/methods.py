@@ -19,7 +19,7 @@ def locate(  # noqa: PLR0913  # the one front door: every method's numbers come 
     right: Frames,
     rig: Rig,
     *,
-    method: str = "paper",
+    method: str = "robust",
     options: PaperOptions | None = None,
     expected_false_leaks: float = 0.05,
 ) -> Estimate:

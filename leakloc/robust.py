@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,17 +15,18 @@ from leakloc.background import Frames
 from leakloc.correlate import agreement, threshold_sigmas
 from leakloc.estimate import Estimate, LeakEstimate
 from leakloc.explain import BEYOND_WALL, LEAK, LEAST_DEPTH_M, Verdict, explain_tracks
-from leakloc.levelled import LevelPair, level_pair, levelled_frames
+from leakloc.levelled import VIEWS, LevelPair, level_pair, levelled_frames
 from leakloc.levelling import Tilt, fit_tilt, no_tilt, search_tilt, track_slopes
 from leakloc.rig import Array, Rig
 from leakloc.streaks import Streaks, streaks
-from leakloc.tilt import leaning_columns, level_under, upright
+from leakloc.tilt import leaning_columns, level_under, tilted_rig, upright
 from leakloc.tracks import Track, shared_tracks
 
 EDGE_PX = 3
-FAR_PX = 2.0  # least disparity without a wall
+COUNT_STEP = 4
 SYSTEMATIC_PX = 0.2  # of a drop's column: where in the drop its glints stand depends on what it mirrors
 LEVEL_ROUNDS = 3
+LINE_REACH_M, LINE_POINTS = 1.0, 81  # of a plumb line above and below the cameras, to see where it crosses mid-row
 SETTLED_RAD = np.radians(0.03)  # half a pixel between the top and the bottom of an image of 1000 rows
 
 
@@ -40,23 +43,27 @@ class Upright:
 def locate_robustly(left: Frames, right: Frames, rig: Rig, expected_false_leaks: float) -> Estimate:
     """Leaks, with every rejected line and its reason in the diagnostics."""
     believed = level_pair(rig)
-    leaning = [streaks(levelled_frames(frames, believed, view)) for view, frames in enumerate((left, right))]
-    least = threshold_sigmas(int(meeting_pairs(believed, rig).sum()), expected_false_leaks)
+    with ThreadPoolExecutor(len(VIEWS)) as threads:  # OpenCV and the sorts let go of the interpreter
+        leaning = list(
+            threads.map(lambda view: streaks(levelled_frames((left, right)[view], believed, view)), range(len(VIEWS)))
+        )
+    least = threshold_sigmas(meeting_pairs(believed, rig), expected_false_leaks)
     seen = shared_lines(leaning, believed, rig, least)
     verdicts = explain_tracks(seen.tracks, seen.views, seen.level, rig)
-    leaks = tuple(_leak(verdict, seen.level) for verdict in verdicts if verdict.reason == LEAK)
+    standing = tilted_rig(rig, believed, seen.tilt.applied_rad)
+    leaks = tuple(_leak(verdict, seen.level, standing) for verdict in verdicts if verdict.reason == LEAK)
     return Estimate("robust", rig.frame, leaks, _describe(seen, verdicts, least))
 
 
-def meeting_pairs(level: LevelPair, rig: Rig) -> NDArray[np.bool_]:
-    """Pairs of columns (width, width) that meet ahead of the cameras and not far beyond the wall."""
-    columns = np.arange(level.image_size[0], dtype=np.float64)
+def meeting_pairs(level: LevelPair, rig: Rig) -> int:
+    """How many pairs of columns meet ahead of the cameras and not far beyond the wall, from a coarse grid."""
+    columns = np.arange(0, level.image_size[0], COUNT_STEP, dtype=np.float64)
     pairs = np.stack(np.meshgrid(columns, columns, indexing="ij"), axis=-1)
     places_m = level.places_of(pairs)
     meeting = level.depths_m(places_m) > LEAST_DEPTH_M
     if rig.pedestal_radius is not None and rig.world_from_left is not None:
-        return np.asarray(meeting & (np.hypot(places_m[..., 0], places_m[..., 1]) < BEYOND_WALL * rig.pedestal_radius))
-    return np.asarray(meeting & (np.abs(pairs[..., 0] - pairs[..., 1]) > FAR_PX))
+        meeting &= np.hypot(places_m[..., 0], places_m[..., 1]) < BEYOND_WALL * rig.pedestal_radius
+    return COUNT_STEP**2 * int(meeting.sum())
 
 
 def inner_pairs(width: int) -> NDArray[np.bool_]:
@@ -95,7 +102,24 @@ def turned(leaning: Sequence[Streaks], believed: LevelPair, tilt_rad: Array) -> 
     ]
 
 
-def _leak(verdict: Verdict, level: LevelPair) -> LeakEstimate:
+def raw_columns(place_m: Array, rig: Rig) -> tuple[float, float]:
+    """Columns of the raw images where the plumb line through a place (2,) crosses row (H - 1) / 2; NaN if it does not.
+
+    rig: as it stands, its tilt included.
+    """
+    heights_m = LINE_REACH_M * np.linspace(-1.0, 1.0, LINE_POINTS)
+    line_m = np.column_stack([np.broadcast_to(place_m, (LINE_POINTS, 2)), heights_m])
+    columns = []
+    for motion, K, D in ((rig.left_from_frame, rig.K1, rig.D1), (rig.right_from_frame, rig.K2, rig.D2)):
+        camera_m = line_m @ motion[:3, :3].T + motion[:3, 3]
+        seen = cv2.projectPoints(camera_m[:, None], np.zeros(3), np.zeros(3), K, D)[0][:, 0]
+        wanted, order = (rig.image_size[1] - 1) / 2, np.argsort(seen[:, 1])
+        crosses = seen[order[0], 1] <= wanted <= seen[order[-1], 1]
+        columns.append(float(np.interp(wanted, seen[order, 1], seen[order, 0])) if crosses else float("nan"))
+    return columns[0], columns[1]
+
+
+def _leak(verdict: Verdict, level: LevelPair, rig: Rig) -> LeakEstimate:
     assert verdict.fit is not None
     columns_px = verdict.fit.columns_px
     covariance = verdict.fit.covariance_px2 + SYSTEMATIC_PX**2 * np.eye(2)
@@ -107,13 +131,14 @@ def _leak(verdict: Verdict, level: LevelPair) -> LeakEstimate:
         axis=1,
     )
     place_m = level.places_of(columns_px[None])[0]
+    left_px, right_px = raw_columns(place_m, rig)
     return LeakEstimate(
         x_m=float(place_m[0]),
         y_m=float(place_m[1]),
         covariance_m2=slopes @ covariance @ slopes.T,
         score=verdict.line.track.sigmas,
-        left_column_px=float(columns_px[0]),
-        right_column_px=float(columns_px[1]),
+        left_column_px=left_px,
+        right_column_px=right_px,
         column_sigma_px=float(np.sqrt(np.trace(covariance) / 2)),
     )
 

@@ -25,7 +25,7 @@ AS_GOOD = 0.995  # of the best efficacy: the widest limit that has it keeps stro
 NOISE_FLOOR_GREY = 0.3  # what rounding to whole grey leaves of a noise-free pixel
 ROUNDING_GREY = 12**-0.5  # standard deviation of rounding to whole grey
 BRIGHTNESS_BINS = 8
-NOISE_STEP_PX = 3  # every third row and column is enough to measure the noise
+NOISE_STEP_PX = 5  # every fifth row and column is enough to measure the noise
 TILE_PX = 32  # columns that share one noise scale
 
 

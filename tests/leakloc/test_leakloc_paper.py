@@ -1,3 +1,5 @@
+from functools import partial
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -5,7 +7,9 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 import leakloc
-from leakloc import PaperOptions, locate
+from leakloc import PaperOptions
+
+locate = partial(leakloc.locate, method="paper")
 
 
 @st.composite

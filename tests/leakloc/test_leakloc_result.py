@@ -54,7 +54,7 @@ def test_a_written_estimate_is_read_back_to_the_bit(tmp_path_factory, estimate):
 
 
 def test_the_papers_result_is_json_with_null_for_what_it_does_not_know(tmp_path, make_rig, make_dripping):
-    estimate = locate(make_dripping([70, 40]), make_dripping([50, 10]), make_rig(120, 40))
+    estimate = locate(make_dripping([70, 40]), make_dripping([50, 10]), make_rig(120, 40), method="paper")
     write_result(estimate, tmp_path / "result.json")
     content = json.loads((tmp_path / "result.json").read_text())
     assert list(content) == ["method", "frame", "leaks", "diagnostics"]
