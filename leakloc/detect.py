@@ -23,6 +23,7 @@ def detect_columns(profile_grey: Profile, *, k_sigma: float, g_win_px: int) -> N
     letter a plateau would be as many leaks as it has columns). Returns ascending columns, possibly none.
     """
     width = len(profile_grey)
+    g_win_px = min(g_win_px, width)  # a wider window sees no more
     padded = np.concatenate([np.full(g_win_px, -np.inf), profile_grey, np.full(g_win_px, -np.inf)])
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * g_win_px + 1)
     first_maximum = windows.argmax(axis=1) - g_win_px + np.arange(width)

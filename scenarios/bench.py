@@ -4,10 +4,8 @@ Clips are the trials, for the leaks of one clip are not independent: a clip is r
 and nothing false is.
 """
 
-import multiprocessing
 from collections import Counter
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -21,6 +19,7 @@ from scenarios.simulate import simulate
 from scenarios.space import STRATA, scene_of
 from scenarios.statistics import clopper_pearson
 from scenarios.truth import LeakTruth, Truth
+from scenarios.workers import all_done, in_order
 
 WORSE_ALPHA = 0.05
 
@@ -53,11 +52,7 @@ class Work:
 def run_bench(estimator: EstimatorSpec, n_scenes: int, seed: int, n_workers: int) -> Iterator[Trial]:
     """Yield a trial per scene, `n_scenes` of each stratum; the same trials whatever the number of workers."""
     work = [Work(estimator, space.name, i, seed) for space in STRATA for i in range(n_scenes)]
-    if n_workers == 1:
-        yield from map(run_trial, work)
-        return
-    with ProcessPoolExecutor(n_workers, mp_context=multiprocessing.get_context("spawn")) as workers:
-        yield from workers.map(run_trial, work)
+    yield from in_order(all_done(run_trial, work, n_workers))
 
 
 def run_trial(work: Work) -> Trial:

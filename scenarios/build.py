@@ -25,7 +25,7 @@ def build_scene(scenario: Scenario) -> simcam.Scene:
             simcam.Leak(leak.x_m, leak.y_m, leak.z_m, leak.drop_radius_m, np.array(leak.drop_times_s, dtype=float))
             for leak in scenario.leak
         ),
-        structures=tuple(_structure(table) for table in scenario.structure),
+        structures=tuple(_structure(table, number) for number, table in enumerate(scenario.structure)),
     )
 
 
@@ -100,7 +100,7 @@ def image_sensor(scenario: Scenario) -> Sensor:
     )
 
 
-def _structure(table: StructureTable) -> Structure:
+def _structure(table: StructureTable, number: int) -> Structure:
     match table:
         case BoxTable():
             return simcam.Box(table.centre_m, table.size_m, table.yaw_deg, table.reflectance)
@@ -110,8 +110,9 @@ def _structure(table: StructureTable) -> Structure:
             return simcam.Grating(table.centre_m, table.size_m, table.pitch_m, table.bar_m, table.reflectance)
     try:
         return simcam.mesh_file(table.path, scale=table.scale, reflectance=table.reflectance)
-    except (ValueError, OSError) as error:
-        raise ScenarioError(f"structure: mesh {table.path}: {error}") from None
+    except (ValueError, OSError, ImportError) as error:
+        why = str(error).removeprefix(f"{table.path}: ") if not isinstance(error, ImportError) else "not a mesh"
+        raise ScenarioError(f"structure.{number}.path: {table.path}: {why}") from None
 
 
 def _lens(scenario: Scenario, hfov_deg: float) -> simcam.Lens:

@@ -8,12 +8,14 @@ import click
 
 from scenarios.cli_bench import bench, explain
 from scenarios.cli_locate import locate
-from scenarios.cli_options import FILE, FOLDER, clear_errors, scenario_options
+from scenarios.cli_options import FILE, FOLDER, SEED, FiniteRange, clear_errors, scenario_options
 from scenarios.clip_folder import verify_clip, write_clip
-from scenarios.output_folder import creating, replacing
+from scenarios.output_folder import check_new, check_replaceable, creating, replacing
 from scenarios.scenario import Scenario
 from scenarios.scenario_file import library_names, read_scenario
 from scenarios.truth import read_truth
+
+SCHEMAS = ("scenario", "result", "truth")
 
 
 @click.group(
@@ -36,6 +38,7 @@ def simulate(scenario: str, overrides: tuple[str, ...], seed: int | None, destin
     """Render a stereo clip with its radiation, sensor and truth."""
     from scenarios.simulate import simulate as simulated
 
+    (check_replaceable if force else check_new)(destination)
     clip = simulated(read_scenario(scenario, overrides, seed))
     write_clip(clip, destination, replacing if force else creating)
     seen = sum(leak.observable for leak in clip.truth.leaks)
@@ -81,18 +84,21 @@ def generate(  # noqa: PLR0913  one argument per option
 @main.command()
 @click.argument("source", metavar="CLIP_OR_FOLDER", type=FOLDER)
 @click.option("-o", "--output", "destination", type=FOLDER, required=True, help="Folder to make.")
-@click.option("--dose-rate", type=click.FloatRange(0.0, 10_000.0), required=True, help="Gy/h; L, M, H = 1.7, 3.3, 10.")
-@click.option("--exposure", type=click.FloatRange(0.0, 100.0, min_open=True), help="s a frame; default: input.json.")
-@click.option("--energy", type=click.FloatRange(300.0, 1500.0), default=661.7, show_default=True, help="Photons, keV.")
+@click.option("--dose-rate", type=FiniteRange(0.0, 10_000.0), required=True, help="Gy/h; L, M, H = 1.7, 3.3, 10.")
+@click.option("--exposure", type=FiniteRange(0.0, 100.0, min_open=True), help="s a frame; default: input.json.")
+@click.option("--energy", type=FiniteRange(300.0, 1500.0), default=661.7, show_default=True, help="Photons, keV.")
 @click.option("--level", type=click.Choice(["tracks", "salt", "transport"]), default="tracks", show_default=True)
-@click.option("--electrons-per-grey", type=click.FloatRange(0.0, 1e4, min_open=True), default=33.0, show_default=True)
-@click.option("--pitch-um", type=click.FloatRange(0.5, 50.0), default=3.0, show_default=True, help="Of a pixel.")
+@click.option("--electrons-per-grey", type=FiniteRange(0.0, 1e4, min_open=True), default=33.0, show_default=True)
+@click.option("--pitch-um", type=FiniteRange(0.5, 50.0), default=3.0, show_default=True, help="Of a pixel.")
 @click.option("--tone", type=click.Choice(["linear", "srgb"]), default="linear", show_default=True)
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
+@click.option("--seed", type=SEED, default=0, show_default=True)
 @click.option("--force", is_flag=True, help="Replace what leakloc made there before.")
 @clear_errors
 def noise(source: Path, destination: Path, exposure: float | None, *, force: bool, **options: Any) -> None:
-    """Add gamma hits to frames: a clip folder, or any folder of images. Writes the truth of every hit beside them."""
+    """Add gamma hits to frames: a clip folder, or any folder of images.
+
+    Writes the truth of every hit beside them. What is then found in a clip is scored against the clip it came from.
+    """
     from noise import GammaField, Sensor
     from scenarios.irradiate import Exposure, irradiate, recorded_exposure_s
 
@@ -101,14 +107,14 @@ def noise(source: Path, destination: Path, exposure: float | None, *, force: boo
         raise click.UsageError("--exposure is needed: there is no input.json that states it")
     field = GammaField(options["dose_rate"], options["energy"], level=options["level"])
     sensor = Sensor(options["pitch_um"], electrons_per_grey=options["electrons_per_grey"], tone=options["tone"])
-    staged = (replacing if force else creating)(destination)
-    n_hits = irradiate(source, field, sensor, Exposure(exposure_s, options["seed"]), staged)
+    new_folder = replacing if force else creating
+    n_hits = irradiate(source, destination, (field, sensor), Exposure(exposure_s, options["seed"]), new_folder)
     click.echo(f"{destination}: {n_hits} hits at {options['dose_rate']:g} Gy/h, {exposure_s:.4g} s a frame")
 
 
 @main.command()
 @click.option("-o", "--output", "destination", type=FOLDER, default=Path("demo"), show_default=True)
-@click.option("--seed", type=click.IntRange(min=0), help="Another scene of the same kind.")
+@click.option("--seed", type=SEED, help="Another scene of the same kind.")
 @click.option("--force", is_flag=True, help="Replace an earlier demo.")
 @clear_errors
 def demo(destination: Path, seed: int | None, *, force: bool) -> None:
@@ -123,13 +129,16 @@ def demo(destination: Path, seed: int | None, *, force: bool) -> None:
 @clear_errors
 def check(scenario: str, overrides: tuple[str, ...], seed: int | None) -> None:
     """Read a scenario, report every mistake in it, or say what it holds."""
+    from scenarios.build import build_scene
     from scenarios.leaks import resolved
 
-    click.echo(_summary(resolved(read_scenario(scenario, overrides, seed)), scenario))
+    whole = resolved(read_scenario(scenario, overrides, seed))
+    build_scene(whole)  # meshes are read, too
+    click.echo(_summary(whole, scenario))
 
 
 @main.command()
-@click.argument("name", type=click.Choice(["scenario", "result", "truth"]))
+@click.argument("name", type=click.Choice(SCHEMAS))
 def schema(name: str) -> None:
     """Print the JSON Schema of a file."""
     from scenarios.schemas import schema as schema_of

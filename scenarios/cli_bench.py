@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from scenarios.cli_options import FILE, chosen_estimator, clear_errors, estimator_options, scenario_options
-from scenarios.output_folder import write_file, write_json
+from scenarios.cli_options import FILE, SEED, chosen_estimator, clear_errors, estimator_options, scenario_options
+from scenarios.output_folder import check_target, write_file, write_json
 from scenarios.scenario_file import read_scenario
 
 if TYPE_CHECKING:
@@ -32,6 +32,9 @@ def run_bench_command(spec: EstimatorSpec, options: dict[str, Any]) -> None:
     from scenarios.space import STRATA
 
     baseline = read_baseline(options["baseline"]) if options["baseline"] else None
+    for target in (options["json"], options["junit"]):
+        if target is not None:
+            check_target(target)
     total = options["scenes"] * len(STRATA)
     running = run_bench(spec, options["scenes"], options["seed"], options["workers"])
     trials = list(progress(running, "scenes", total))
@@ -86,18 +89,25 @@ def explain(
     from scenarios.leaks import resolved
     from scenarios.progress import progress
 
+    if destination is not None:
+        check_target(destination)
     whole = resolved(read_scenario(scenario, overrides, seed))
     arms = list(progress(explained(whole, chosen_estimator(estimator)), "runs", 1 + len(causes(whole))))
     click.echo(table(arms))
+    broken = [arm for arm in arms if arm.breakdown]
+    if broken:
+        click.echo(f"{broken[0].breakdown}: {broken[0].detail}", err=True)
     if destination is not None:
         write_file(destination, explain_html(arms))
         click.echo(f"\npictures: {destination}")
+    if broken:
+        sys.exit(NOT_GOOD_ENOUGH)
 
 
 @click.command()
 @estimator_options
 @click.option("--scenes", type=click.IntRange(1, 100_000), default=40, show_default=True, help="Of each stratum.")
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
+@click.option("--seed", type=SEED, default=0, show_default=True)
 @click.option("--workers", type=click.IntRange(1, 256), default=2, show_default=True)
 @click.option("--json", type=FILE, help="Write every trial here; serves as a later run's baseline.")
 @click.option("--junit", type=FILE, help="Write JUnit XML here.")

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from scenarios.cli_options import FILE, clear_errors
-from scenarios.clip_folder import has_manifest, verify_clip
-from scenarios.output_folder import OutputError, write_file
+from scenarios.cli_options import FILE, FiniteRange, clear_errors
+from scenarios.clip_folder import has_manifest, verify_input
+from scenarios.output_folder import OutputError, check_target, write_file
 
 if TYPE_CHECKING:
     from leakloc import Clip, Estimate
@@ -41,9 +42,9 @@ class ManyValues(click.Command):
 @click.option("--pan", "pans", metavar="DEG...", help="Pan angle of each VIEW, + left: --pan -40 0 40.")
 @click.option("-o", "--output", "destination", type=FILE, help="Write result.json here.")
 @click.option("--figure", type=FILE, help="Write a page with pictures here.")
-@click.option("--expected-false-leaks", type=click.FloatRange(0.0, 1.0, min_open=True), default=0.05, show_default=True)
-@click.option("--k-sigma", type=click.FloatRange(min=0.0), help="paper: threshold, mean + k standard deviations [2].")
-@click.option("--g-win", type=click.IntRange(min=0), help="paper: non-maximum suppression, columns each way [10].")
+@click.option("--expected-false-leaks", type=FiniteRange(0.0, 1.0, min_open=True), default=0.05, show_default=True)
+@click.option("--k-sigma", type=FiniteRange(min=0.0), help="paper: threshold, mean + k standard deviations [2].")
+@click.option("--g-win", type=click.IntRange(0, 4096), help="paper: non-maximum suppression, columns each way [10].")
 @click.option("--subtractor", type=click.Choice(["median", "mean", "mog2"]), help="paper: background [median].")
 @clear_errors
 def locate(paths: tuple[Path, ...], **options: Any) -> None:
@@ -52,14 +53,17 @@ def locate(paths: tuple[Path, ...], **options: Any) -> None:
     One path is a clip folder. LEFT and RIGHT are two videos or folders of images, with --rig. Several clip folders are
     views of a rig that turned in between, by --pan or by the world_from_left of each, fused into one map.
     """
+    for target in (options["destination"], options["figure"]):
+        if target is not None:
+            check_target(target)
+    if options["figure"] is not None and len(paths) > 1 and not options["rigs"]:
+        raise click.UsageError("--figure shows one view")
     views = _views(paths, options)
     estimates = [_located(view, options) for view in views]
     estimate = estimates[0] if len(views) == 1 else _fused(estimates)
     if options["figure"] is not None:
         from scenarios.report import estimate_html
 
-        if len(views) > 1:
-            raise click.UsageError("--figure shows one view")
         write_file(options["figure"], estimate_html(paths[0].name, views[0], estimate))
     if options["destination"] is not None:
         _write_result(estimate, options["destination"])
@@ -79,7 +83,7 @@ def _views(paths: tuple[Path, ...], options: dict[str, Any]) -> list[Clip]:
         return [leakloc.read_footage(paths[0], paths[1], rig)]
     for path in paths:
         if path.is_dir() and has_manifest(path):
-            verify_clip(path)
+            verify_input(path)
     clips = [leakloc.read_clip(path) for path in paths]
     return clips if not options["pans"] else _turned(clips, options["pans"])
 
@@ -90,7 +94,10 @@ def _turned(clips: list[Clip], pans: str) -> list[Clip]:
 
     import leakloc
 
-    angles = [float(word) for word in pans.split()]
+    words = pans.split()
+    if not all(_is_number(word) for word in words):
+        raise click.UsageError(f"--pan must be angles in degrees, got {pans!r}")
+    angles = [float(word) for word in words]
     if len(angles) != len(clips):
         raise click.UsageError(f"--pan needs an angle for each of the {len(clips)} views, got {len(angles)}")
     return [replace(clip, rig=leakloc.panned(clip.rig, angle)) for clip, angle in zip(clips, angles, strict=True)]
@@ -137,7 +144,6 @@ def _echo(estimate: Estimate) -> None:
 
 def _is_number(word: str) -> bool:
     try:
-        float(word)
+        return math.isfinite(float(word))
     except ValueError:
         return False
-    return True

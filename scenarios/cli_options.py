@@ -1,5 +1,6 @@
 """Options and errors that the commands share."""
 
+import math
 import sys
 from collections.abc import Callable
 from functools import wraps
@@ -19,6 +20,20 @@ FOLDER = click.Path(path_type=Path, file_okay=False)
 FILE = click.Path(path_type=Path, dir_okay=False)
 
 
+class FiniteRange(click.FloatRange):
+    """A range of numbers that NaN is not in, as it is in click's own."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Convert and check."""
+        number = float(super().convert(value, param, ctx))
+        if not math.isfinite(number):
+            self.fail(f"{value!r} is not a finite number", param, ctx)
+        return number
+
+
+SEED = click.IntRange(0, 2**63 - 1)
+
+
 def clear_errors(command: Callable[..., Any]) -> Callable[..., Any]:
     """Turn an error of the user's input into one message and exit code 2; anything else is a defect and may be seen."""
 
@@ -28,8 +43,9 @@ def clear_errors(command: Callable[..., Any]) -> Callable[..., Any]:
         from scenarios.cli_bench import BaselineError
         from scenarios.estimators import EstimatorError
         from scenarios.irradiate import FramesError
+        from scenarios.workers import WorkerError
 
-        foreign = (ClipError, RigError, ResultError, FramesError, EstimatorError, BaselineError)
+        foreign = (ClipError, RigError, ResultError, FramesError, EstimatorError, BaselineError, WorkerError)
         try:
             return command(*args, **options)
         except (*INPUT_ERRORS, *foreign) as error:
@@ -43,9 +59,7 @@ def clear_errors(command: Callable[..., Any]) -> Callable[..., Any]:
 def scenario_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """SCENARIO with --set and --seed, as every command that reads a scenario has them."""
     for decorate in (
-        click.option(
-            "--seed", type=click.IntRange(min=0), help="Replace the scenario's seed: other draws, same rules."
-        ),
+        click.option("--seed", type=SEED, help="Replace the scenario's seed: other draws, same rules."),
         click.option(
             "--set",
             "overrides",
@@ -63,7 +77,7 @@ def estimator_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """One of ours, a Python callable or a command, as every command that tests an estimator has them."""
     for decorate in (
         click.option(
-            "--timeout", type=click.FloatRange(0.0, 3600.0, min_open=True), default=60.0, show_default=True, help="s."
+            "--timeout", type=FiniteRange(0.0, 3600.0, min_open=True), default=60.0, show_default=True, help="s."
         ),
         click.option("--command", metavar="COMMAND", help='Anything: "mytool {clip} {result}".'),
         click.option(

@@ -5,11 +5,9 @@ from __future__ import annotations
 import hashlib
 import json
 import platform
-import shutil
-import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,6 +26,7 @@ if TYPE_CHECKING:
 MANIFEST = "clip.json"
 ESTIMATORS_FILES = ("rig.yaml", "input.json")
 ESTIMATORS_FOLDERS = ("left", "right")
+TRUTH_FILES = ("truth.json", "scenario.toml")
 MAX_MANIFEST_BYTES = 10_000_000
 PNG_FAST = (cv2.IMWRITE_PNG_COMPRESSION, 1)
 """Noise does not compress: higher levels cost time and save 2 %."""
@@ -48,7 +47,7 @@ def write_clip(
         sums = _write_input(clip, folder)
         (folder / "truth.json").write_text(truth_json(clip.truth), encoding="utf-8")
         (folder / "scenario.toml").write_text(scenario_toml(clip.scenario), encoding="utf-8")
-        for name in (*ESTIMATORS_FILES, "truth.json", "scenario.toml"):
+        for name in (*ESTIMATORS_FILES, *TRUTH_FILES):
             sums[name] = _sha256(folder / name)
         write_json(folder / MANIFEST, _manifest(clip, sums))
         verify_clip(folder)
@@ -62,12 +61,24 @@ def write_estimators_clip(clip: SimulatedClip, folder: Path) -> None:
 
 def verify_clip(folder: Path) -> None:
     """Check every file of a clip against the manifest's SHA-256; raises DamagedClipError naming the first bad one."""
-    sums = _read_manifest(folder)["files"]
+    _verify(folder, read_manifest(folder)["files"])
+
+
+def verify_input(folder: Path) -> None:
+    """Like `verify_clip`, but only what an estimator may see; the truth may be missing, changed or anything."""
+    sums = read_manifest(folder)["files"]
+    shown = {name: value for name, value in sums.items() if "/" in name or name in ESTIMATORS_FILES}
+    _verify(folder, shown)
+
+
+def _verify(folder: Path, sums: dict[str, str]) -> None:
     with ThreadPoolExecutor(2) as threads:
         for name, broken in zip(sums, threads.map(lambda item: _damage(folder, *item), sums.items()), strict=True):
             if broken:
                 raise DamagedClipError(f"{folder / name}: damaged: {broken}")
     for side in ESTIMATORS_FOLDERS:
+        if not (folder / side).is_dir():
+            raise DamagedClipError(f"{folder / side}: damaged: missing")
         extra = sorted({f"{side}/{path.name}" for path in (folder / side).iterdir()} - set(sums))
         if extra:
             raise DamagedClipError(f"{folder / extra[0]}: does not belong to the clip: it is not in {MANIFEST}")
@@ -76,19 +87,6 @@ def verify_clip(folder: Path) -> None:
 def has_manifest(folder: Path) -> bool:
     """Whether a folder is a simulated clip with its manifest (an estimator's copy and real footage have none)."""
     return (folder / MANIFEST).is_file()
-
-
-@contextmanager
-def estimators_copy(folder: Path) -> Iterator[Path]:
-    """Yield a temporary copy of a clip with what an estimator may see: images, believed rig, recording."""
-    with tempfile.TemporaryDirectory(prefix="clip-") as temporary:
-        copy = Path(temporary) / "clip"
-        copy.mkdir()
-        for side in ESTIMATORS_FOLDERS:
-            shutil.copytree(folder / side, copy / side, copy_function=shutil.copyfile)
-        for name in ESTIMATORS_FILES:
-            shutil.copyfile(folder / name, copy / name)
-        yield copy
 
 
 def _write_input(clip: SimulatedClip, folder: Path) -> dict[str, str]:
@@ -144,7 +142,8 @@ def _manifest(clip: SimulatedClip, sums: dict[str, str]) -> dict[str, Any]:
     }
 
 
-def _read_manifest(folder: Path) -> dict[str, Any]:
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """Content of clip.json; raises DamagedClipError where it is not what `write_clip` writes."""
     path = folder / MANIFEST
     try:
         if path.stat().st_size > MAX_MANIFEST_BYTES:
@@ -157,6 +156,10 @@ def _read_manifest(folder: Path) -> dict[str, Any]:
     files = manifest.get("files") if isinstance(manifest, dict) else None
     if not isinstance(files, dict) or not all(isinstance(value, str) for value in files.values()):
         raise DamagedClipError(f"{path}: files must be a table of SHA-256 by file name")
+    views = {name.partition("/")[0] for name in files if "/" in name}
+    missing = sorted({*ESTIMATORS_FILES, *TRUTH_FILES} - set(files)) or sorted(set(ESTIMATORS_FOLDERS) - views)
+    if missing:
+        raise DamagedClipError(f"{path}: files must list {missing[0]}")
     for name in files:
         parts = Path(name).parts
         if Path(name).is_absolute() or ".." in parts or len(parts) > 2:

@@ -20,6 +20,7 @@ from typing import Any, Literal
 import numpy as np
 
 import leakloc
+import leakloc.methods
 from leakloc import Estimate, LeakEstimate, ResultError, Rig
 from scenarios import naive
 from scenarios.clip_folder import write_estimators_clip
@@ -59,8 +60,8 @@ class EstimatorSpec:
             raise EstimatorError(f"method {self.text!r}: must be one of {', '.join(BUILT_IN)}")
         if self.kind == "callable" and self.text.count(":") != 1:
             raise EstimatorError(f"estimator {self.text!r}: must have the form package.module:function")
-        if self.kind == "command" and not ("{clip}" in self.text and "{result}" in self.text):
-            raise EstimatorError(f"command {self.text!r}: must name {{clip}} and {{result}}")
+        if self.kind == "command":
+            _words_of(self.text)
 
 
 def run_estimator(spec: EstimatorSpec, clip: SimulatedClip) -> Answer:
@@ -77,7 +78,7 @@ def run_command(spec: EstimatorSpec, clip: SimulatedClip) -> Answer:
     with tempfile.TemporaryDirectory(prefix="estimator-") as temporary:
         folder, result = Path(temporary) / "clip", Path(temporary) / "result.json"
         write_estimators_clip(clip, folder)
-        words = [word.format(clip=folder, result=result) for word in shlex.split(spec.text)]
+        words = [word.replace("{clip}", str(folder)).replace("{result}", str(result)) for word in _words_of(spec.text)]
         try:
             done = subprocess.run(words, capture_output=True, text=True, timeout=spec.timeout_s, check=False)
         except subprocess.TimeoutExpired:
@@ -90,6 +91,17 @@ def run_command(spec: EstimatorSpec, clip: SimulatedClip) -> Answer:
             return _checked(leakloc.read_result(result))
         except ResultError as error:
             return Broken("malformed", str(error).replace(str(result), "result.json"))
+
+
+def _words_of(command: str) -> list[str]:
+    """Split a command line as a shell splits words; raises EstimatorError."""
+    try:
+        words = shlex.split(command)
+    except ValueError as error:
+        raise EstimatorError(f"command {command!r}: cannot be split into words: {error}") from None
+    if not ("{clip}" in command and "{result}" in command):
+        raise EstimatorError(f"command {command!r}: must name {{clip}} and {{result}}")
+    return words
 
 
 class Host:
@@ -184,6 +196,8 @@ def _from_places(places: Iterable[tuple[float, float]], rig: Rig) -> Estimate:
 
 
 def _run_method(name: str, clip: SimulatedClip) -> Answer:
+    if len(clip.left) < leakloc.methods.MIN_FRAMES:
+        return Broken("malformed", f"a clip of {len(clip.left)} frames: {name} needs {leakloc.methods.MIN_FRAMES}")
     if name == "naive":
         return _checked(naive.locate(clip.left, clip.right, clip.believed_rig))
     return _checked(leakloc.locate(clip.left, clip.right, clip.believed_rig, method=name))

@@ -39,6 +39,7 @@ class Arm:
     scored: Score
     codes: Outcomes
     breakdown: str = ""
+    detail: str = ""
 
 
 def explain(scenario: Scenario, estimator: EstimatorSpec) -> Iterator[Arm]:
@@ -119,7 +120,7 @@ def _arm(removed: str, scenario: Scenario, estimator: EstimatorSpec) -> Arm:
     if isinstance(answer, Broken):
         nothing = score([], clip.truth)
         lost = Outcomes(dict.fromkeys((leak.id for leak in clip.truth.leaks), answer.code), {})
-        return Arm(removed, clip, None, nothing, lost, answer.code)
+        return Arm(removed, clip, None, nothing, lost, answer.code, answer.detail)
     scored = score([(leak.x_m, leak.y_m) for leak in answer.leaks], clip.truth)
     return Arm(removed, clip, answer, scored, outcomes(answer, clip.truth, scored))
 

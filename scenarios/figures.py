@@ -69,6 +69,11 @@ def top_view(truth: Truth, estimates_m: Sequence[tuple[float, float]], scored: S
         for pair in scored.gated.pairs:
             leak, (x_m, y_m) = leak_of[pair.leak_id], estimates_m[pair.estimate]
             axes.plot([leak.y_m, y_m], [leak.x_m, x_m], color=ESTIMATE_COLOUR, linewidth=1.0)
+        gated = {pair.leak_id for pair in scored.gated.pairs}
+        for pair in scored.paper_rule.pairs:  # beyond the gate, yet the nearest: what the paper would call found
+            if pair.leak_id not in gated:
+                leak, (x_m, y_m) = leak_of[pair.leak_id], estimates_m[pair.estimate]
+                axes.plot([leak.y_m, y_m], [leak.x_m, x_m], color=ESTIMATE_COLOUR, linewidth=0.8, linestyle="--")
         _draw_leaks(axes, truth.leaks)
         finite = [place for place in estimates_m if math.isfinite(place[0] + place[1])]
         inside = [(x_m, y_m) for x_m, y_m in finite if math.hypot(x_m, y_m) < 1.2 * radius_m]

@@ -1,20 +1,18 @@
 """Generate a data set: many clips of one scenario with leaks drawn anew, in parallel, resumable after a kill."""
 
 import json
-import multiprocessing
-from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor
+import shutil
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
-import cv2
-
-from scenarios.clip_folder import DamagedClipError, verify_clip, write_clip
+from scenarios.clip_folder import DamagedClipError, read_manifest, verify_clip, write_clip
 from scenarios.draws import seed_of_clip
-from scenarios.output_folder import OutputError, creating, made_by, replacing, was_made_by_us, write_json
+from scenarios.output_folder import OutputError, creating, made_by, write_json
 from scenarios.scenario import Drip, LayoutTable, Scenario
 from scenarios.scenario_toml import scenario_toml
 from scenarios.simulate import simulate
+from scenarios.workers import all_done
 
 INDEX = "dataset.json"
 
@@ -41,9 +39,10 @@ def generate(scenario: Scenario, n_clips: int, destination: Path, n_workers: int
     """Write `n_clips` clips into `destination`, yielding the number of each as it is done.
 
     The same bytes whatever the number of workers. A run that was killed goes on where it stopped when it is started
-    again with the same scenario; clips that are there are checked against their manifests, not believed.
+    again with the same scenario, and a data set grows when it is started again with more clips; clips that are there
+    are checked against their manifests, not believed.
 
-    Raises OutputError when the destination holds something else.
+    Raises OutputError when the destination holds something else or more clips, WorkerError when workers keep dying.
     """
     plan: dict[str, object] = {
         "made_by": made_by(),
@@ -51,47 +50,48 @@ def generate(scenario: Scenario, n_clips: int, destination: Path, n_workers: int
         "clips": [clip_name(i) for i in range(n_clips)],
     }
     _begin(destination, plan)
-    work = partial(_write_one, scenario, destination)
-    yield from _all_done(work, n_clips, n_workers)
+    for number, _ in all_done(partial(_write_one, scenario, destination), range(n_clips), n_workers):
+        yield number
     write_json(destination / INDEX, {**plan, "complete": True})
 
 
 def _begin(destination: Path, plan: dict[str, object]) -> None:
     """Lay down the index; a folder that has one of the same scenario is gone on with."""
     if destination.is_dir() and any(destination.iterdir()):
-        if not was_made_by_us(destination) or not _has_index_of(destination, str(plan["scenario"])):
+        listed = _clips_listed(destination, str(plan["scenario"]))
+        if listed is None:
             raise OutputError(f"{destination}: is not empty and is no data set of this scenario, seed and version")
+        if not set(listed) <= set(_strings(plan["clips"])):
+            raise OutputError(f"{destination}: holds {len(listed)} clips already; ask for as many or more")
+        write_json(destination / INDEX, {**plan, "complete": False})
         return
     with creating(destination) as folder:
         write_json(folder / INDEX, {**plan, "complete": False})
 
 
-def _has_index_of(destination: Path, scenario: str) -> bool:
+def _clips_listed(destination: Path, scenario: str) -> list[str] | None:
+    """Clips that the index of a data set of this scenario lists; None where it is no such data set."""
     try:
         index = json.loads((destination / INDEX).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return False
-    return isinstance(index, dict) and index.get("scenario") == scenario and index.get("made_by") == made_by()
+    except (OSError, ValueError, RecursionError):
+        return None
+    if not isinstance(index, dict) or index.get("scenario") != scenario or index.get("made_by") != made_by():
+        return None
+    return _strings(index.get("clips"))
 
 
-def _all_done(work: Callable[[int], int], n_clips: int, n_workers: int) -> Iterator[int]:
-    if n_workers == 1:
-        yield from map(work, range(n_clips))
-        return
-    spawn = multiprocessing.get_context("spawn")  # forking a process that runs threads can hang
-    with ProcessPoolExecutor(n_workers, mp_context=spawn, initializer=_one_thread) as workers:
-        yield from workers.map(work, range(n_clips))
-
-
-def _one_thread() -> None:
-    """Clips are the parallel unit; threads inside a worker would only fight for the cores."""
-    cv2.setNumThreads(1)
+def _strings(value: object) -> list[str]:
+    return [str(item) for item in value] if isinstance(value, list) else []
 
 
 def _write_one(scenario: Scenario, destination: Path, clip: int) -> int:
-    folder = destination / clip_name(clip)
+    folder, wanted = destination / clip_name(clip), scenario_of_clip(scenario, clip)
     try:
         verify_clip(folder)
+        is_there = read_manifest(folder).get("seed") == wanted.seed
     except DamagedClipError:
-        write_clip(simulate(scenario_of_clip(scenario, clip)), folder, replacing)
+        is_there = False
+    if not is_there:
+        shutil.rmtree(folder, ignore_errors=True)  # a folder of this name in a data set of ours is ours
+        write_clip(simulate(wanted), folder, creating)
     return clip

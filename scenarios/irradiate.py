@@ -4,23 +4,21 @@ Only what radiation adds is added: such frames carry the noise of their own sens
 """
 
 import json
-import re
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from pathlib import Path
 
-import cv2
 import numpy as np
 
+from leakloc.footage import image_paths
+from leakloc.image_file import read_grey_image
 from noise import GammaField, GammaHits, Sensor, add_noise
-from scenarios.clip_folder import ESTIMATORS_FILES, ESTIMATORS_FOLDERS, encode_png
-from scenarios.output_folder import made_by, write_file, write_json
+from scenarios.clip_folder import ESTIMATORS_FILES, ESTIMATORS_FOLDERS, encode_png, has_manifest, verify_input
+from scenarios.output_folder import OutputError, made_by, write_file, write_json
+from scenarios.rules import MAX_HITS, most_hits
 
-IMAGE_SUFFIXES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm"}
-MAX_FRAMES = 2000
-MAX_FRAME_BYTES = 256 << 20
 MAX_PIXELS = 2_000_000_000
 """Of one camera: decoded, 2 GB."""
 
@@ -39,27 +37,34 @@ class Exposure:
 
 def irradiate(
     source: Path,
-    field: GammaField,
-    sensor: Sensor,
+    destination: Path,
+    noise: tuple[GammaField, Sensor],
     exposure: Exposure,
-    staged: AbstractContextManager[Path],
+    new_folder: Callable[[Path], AbstractContextManager[Path]],
 ) -> int:
     """Write a copy of the frames in `source` with gamma hits, and hits.csv per camera; returns the number of hits.
 
-    `source` is a folder of images, or holds left/ and right/ with rig.yaml and input.json, which are copied. `sensor`
-    lends its geometry, scale and tone; its own noise is left off. Raises FramesError.
+    `source` is a folder of images, or holds left/ and right/ with rig.yaml and input.json, which are copied. The sensor
+    lends its geometry, scale and tone; its own noise is left off. Raises FramesError, DamagedClipError, OutputError.
     """
-    ideal = replace(sensor.without_noise(), charge_diffusion_um=sensor.charge_diffusion_um)
-    cameras = [side for side in ESTIMATORS_FOLDERS if (source / side).is_dir()] or [""]
+    field, sensor = noise
+    _check_apart(source, destination)
+    cameras = _cameras(source)
     n_hits = 0
-    with staged as folder:
+    with new_folder(destination) as folder:
         for camera in cameras:
             names, frames = read_frames(source / camera)
+            _check_hits(field, sensor, exposure.exposure_s, frames)
             noisy = add_noise(
-                frames, field, ideal, exposure_s=exposure.exposure_s, seed=exposure.seed, camera=camera or "left"
+                frames,
+                field,
+                sensor.without_noise(),
+                exposure_s=exposure.exposure_s,
+                seed=exposure.seed,
+                camera=camera or "left",
             )
             _write_frames(folder / camera, names, noisy.frames)
-            write_file(folder / camera / "hits.csv" if not camera else folder / f"hits_{camera}.csv", _csv(noisy.hits))
+            write_file(folder / (f"hits_{camera}.csv" if camera else "hits.csv"), _csv(noisy.hits))
             n_hits += len(noisy.hits)
         for name in ESTIMATORS_FILES:
             if (source / name).is_file():
@@ -77,7 +82,7 @@ def recorded_exposure_s(source: Path) -> float | None:
         value = json.loads(path.read_text(encoding="utf-8")).get("exposure_s")
     except (ValueError, AttributeError, RecursionError):
         raise FramesError(f"{path}: not valid JSON with a key exposure_s") from None
-    if not isinstance(value, int | float) or not 0.0 < value < 1e4:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < 1e4:
         raise FramesError(f"{path}: exposure_s must be > 0 s, got {value!r}")
     return float(value)
 
@@ -85,56 +90,58 @@ def recorded_exposure_s(source: Path) -> float | None:
 def read_frames(folder: Path) -> tuple[list[str], np.ndarray]:
     """Names and grey uint8 frames (frames, height, width) of a folder of images, in the order of their numbers.
 
-    Colour is turned to grey (Rec. 601 luma). Raises FramesError naming the image that is unreadable, of more than 8 bit
-    or of another size than the first.
+    Colour is turned to grey. Raises FramesError or leakloc's ClipError naming the image that is unreadable, of more
+    than 8 bit or of another size than the first.
     """
-    try:
-        paths = sorted(
-            (path for path in folder.iterdir() if path.suffix.lower() in IMAGE_SUFFIXES), key=_number_then_name
-        )
-    except OSError as error:
-        raise FramesError(f"{folder}: cannot be read: {error.strerror}") from None
-    if not paths:
-        raise FramesError(f"{folder}: holds no images ({', '.join(sorted(IMAGE_SUFFIXES))}) and no left/ and right/")
-    if len(paths) > MAX_FRAMES:
-        raise FramesError(f"{folder}: holds {len(paths)} images, more than {MAX_FRAMES}")
-    twice = sorted({path.name for path in paths if sum(path.stem == other.stem for other in paths) > 1})
-    if twice:
-        raise FramesError(f"{folder / twice[0]}: another image has the same name but for its ending")
-    first = _read_frame(paths[0])
-    if len(paths) * first.size > MAX_PIXELS:
-        raise FramesError(f"{folder}: {len(paths)} images of {first.size} px are more than {MAX_PIXELS:.3g} px")
-    frames = np.empty((len(paths), *first.shape), np.uint8)
+    paths = image_paths(folder)
+    frames: list[np.ndarray] = []
     with ThreadPoolExecutor(2) as threads:
-        for i, frame in enumerate(threads.map(_read_frame, paths)):
-            if frame.shape != first.shape:
+        for path, frame in zip(paths, threads.map(_read_frame, paths), strict=True):
+            if frames and frame.shape != frames[0].shape:
                 raise FramesError(
-                    f"{paths[i]}: must be as large as the first, {_size(first)} px, got {_size(frame)} px"
+                    f"{path}: must be as large as the first, {_size(frames[0])} px, got {_size(frame)} px"
                 )
-            frames[i] = frame
-    return [path.name for path in paths], frames
+            frames.append(frame)
+            if len(frames) * frame.size > MAX_PIXELS:
+                raise FramesError(f"{folder}: images of more than {MAX_PIXELS:.3g} px together")
+    return [path.name for path in paths], np.stack(frames)
+
+
+def _cameras(source: Path) -> list[str]:
+    """Return the folders of frames in `source`: both views of a clip, whose images are checked, or itself."""
+    there = [side for side in ESTIMATORS_FOLDERS if (source / side).is_dir()]
+    if not there:
+        return [""]
+    if len(there) < len(ESTIMATORS_FOLDERS):
+        raise FramesError(f"{source}: must hold left/ and right/, or images themselves; got {there[0]}/ alone")
+    if has_manifest(source):
+        verify_input(source)
+    return there
+
+
+def _check_apart(source: Path, destination: Path) -> None:
+    here, there = source.resolve(), destination.resolve()
+    if here == there or here in there.parents or there in here.parents:
+        raise OutputError(f"{destination}: must be a folder apart from the frames in {source}")
+
+
+def _check_hits(field: GammaField, sensor: Sensor, exposure_s: float, frames: np.ndarray) -> None:
+    rate = field.dose_rate_at(0.0)
+    n_hits = most_hits(rate * exposure_s * len(frames) / 3600.0, sensor.pitch_um, frames.shape[1:])
+    if n_hits > MAX_HITS:
+        raise FramesError(f"{rate:g} Gy/h makes up to {n_hits:.2g} hits a camera, more than {MAX_HITS:.2g}")
 
 
 def _read_frame(path: Path) -> np.ndarray:
-    if not path.is_file():
-        raise FramesError(f"{path}: must be a regular file")
-    if path.stat().st_size > MAX_FRAME_BYTES:
-        raise FramesError(f"{path}: must be at most {MAX_FRAME_BYTES} bytes")
-    raw = np.frombuffer(path.read_bytes(), np.uint8)
     try:
-        frame = cv2.imdecode(raw, cv2.IMREAD_ANYDEPTH | cv2.IMREAD_GRAYSCALE) if len(raw) else None
-    except cv2.error:
-        frame = None
-    if frame is None:
-        raise FramesError(f"{path}: is no readable image")
+        frame = read_grey_image(path)
+    except ValueError as error:
+        raise FramesError(f"{path}: {error}") from None
+    except OSError as error:
+        raise FramesError(f"{path}: cannot be read: {error.strerror}") from None
     if frame.dtype != np.uint8:
         raise FramesError(f"{path}: must have 8 bit, got {8 * frame.itemsize}")
     return frame
-
-
-def _number_then_name(path: Path) -> tuple[int, str]:
-    numbers = re.findall(r"\d+", path.stem)
-    return (int(numbers[-1]) if numbers else -1, path.name)
 
 
 def _size(frame: np.ndarray) -> str:

@@ -130,13 +130,14 @@ def _leak_truth(scenario: Scenario, seen: simcam.Truth, number: int, snr: float)
 
 
 def _camera(camera: simcam.Camera) -> TrueCamera:
-    return TrueCamera(
-        width_px=camera.width_px,
-        height_px=camera.height_px,
-        camera_matrix=tuple(map(tuple, camera.camera_matrix.tolist())),
-        distortion=tuple(camera.distortion.tolist()),
-        world_from_camera=tuple(map(tuple, camera.world_from_camera.tolist())),
-    )
+    fields = {
+        "width_px": camera.width_px,
+        "height_px": camera.height_px,
+        "camera_matrix": camera.camera_matrix.tolist(),
+        "distortion": camera.distortion.tolist(),
+        "world_from_camera": camera.world_from_camera.tolist(),
+    }
+    return TrueCamera.model_validate(fields, strict=False)  # lists for tuples
 
 
 def _defined(value: float) -> float | None:

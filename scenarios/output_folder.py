@@ -1,5 +1,6 @@
 """Output folders that appear whole or not at all, and never take the place of something the tool did not make."""
 
+import glob
 import json
 import os
 import shutil
@@ -28,8 +29,7 @@ def creating(destination: Path) -> Iterator[Path]:
 
     Raises OutputError when the destination exists and is not an empty folder.
     """
-    if _is_taken(destination):
-        raise OutputError(f"{destination}: already exists; use --force to replace what leakloc made there")
+    check_new(destination)
     with _staged(destination) as folder:
         yield folder
 
@@ -37,28 +37,35 @@ def creating(destination: Path) -> Iterator[Path]:
 @contextmanager
 def replacing(destination: Path) -> Iterator[Path]:
     """Like `creating`, but a folder that the tool made before is replaced, by renaming, once the new one is whole."""
-    if _is_taken(destination) and not was_made_by_us(destination):
-        raise OutputError(f"{destination}: is not empty and was not made by leakloc; it is never replaced")
+    check_replaceable(destination)
     with _staged(destination) as folder:
         yield folder
 
 
 def was_made_by_us(folder: Path) -> bool:
     """Whether a folder holds a marker file of this tool."""
-    for marker in MARKERS:
-        path = folder / marker
-        if path.is_file() and path.stat().st_size < 100_000_000:
-            try:
-                content = json.loads(path.read_text(encoding="utf-8"))
-            except (ValueError, OSError, RecursionError):
-                continue
-            if isinstance(content, dict) and str(content.get("made_by", "")).startswith("leakloc "):
-                return True
-    return False
+    return bool(_markers(folder))
+
+
+def _markers(folder: Path) -> set[str]:
+    """Names of the tool's marker files in a folder: they tell a clip from a data set, a demo or noisy frames."""
+    return {name for name in MARKERS if str(_content_of(folder / name).get("made_by", "")).startswith("leakloc ")}
+
+
+def _content_of(path: Path) -> dict[str, Any]:
+    """Content of a JSON file, empty where there is none or it holds no table."""
+    if not path.is_file() or path.stat().st_size > 100_000_000:
+        return {}
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, OSError, RecursionError):
+        return {}
+    return content if isinstance(content, dict) else {}
 
 
 def write_file(path: Path, content: bytes | str) -> None:
     """Write a file whole or not at all: temporary name, fsync, rename."""
+    check_target(path)
     raw = content.encode() if isinstance(content, str) else content
     partial = path.with_name(f".{path.name}.partial-{os.getpid()}")
     try:
@@ -72,12 +79,37 @@ def write_file(path: Path, content: bytes | str) -> None:
         raise OutputError(f"{path}: cannot be written: {error.strerror}") from None
 
 
+def check_target(path: Path) -> None:
+    """Refuse a file to write whose folder is missing, that is no regular file, or that belongs to a clip."""
+    if not path.parent.is_dir():
+        raise OutputError(f"{path}: its folder does not exist")
+    if path.exists() and not path.is_file():
+        raise OutputError(f"{path}: must be a regular file, not a folder or device")
+    for clip, name in ((path.parent, path.name), (path.parent.parent, f"{path.parent.name}/{path.name}")):
+        manifest = _content_of(clip / "clip.json")
+        if name in {"clip.json", *manifest.get("files", {})} and manifest:
+            raise OutputError(f"{path}: belongs to the clip {clip}; a clip is replaced as a whole or not at all")
+
+
+def check_new(destination: Path) -> None:
+    """Refuse a folder to create that is taken: before the work, not after it."""
+    if _is_taken(destination):
+        raise OutputError(f"{destination}: already exists; use --force to replace what leakloc made there")
+
+
+def check_replaceable(destination: Path) -> None:
+    """Refuse a folder to replace that holds something the tool did not make."""
+    if _is_taken(destination) and not was_made_by_us(destination):
+        raise OutputError(f"{destination}: is not empty and was not made by leakloc; it is never replaced")
+
+
 def write_json(path: Path, content: Any) -> None:
     """Write JSON (no NaN: undefined is null) whole or not at all."""
     write_file(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
 
 
 def _is_taken(destination: Path) -> bool:
+    _remove_leftovers(destination)
     if destination.is_symlink() or (destination.exists() and not destination.is_dir()):
         raise OutputError(f"{destination}: must be a folder, not a file or link")
     return destination.is_dir() and any(destination.iterdir())
@@ -85,7 +117,6 @@ def _is_taken(destination: Path) -> bool:
 
 @contextmanager
 def _staged(destination: Path) -> Iterator[Path]:
-    _remove_leftovers(destination)
     folder = destination.with_name(f".{destination.name}.partial-{os.getpid()}")
     try:
         destination.parent.mkdir(parents=True, exist_ok=True)
@@ -102,19 +133,35 @@ def _staged(destination: Path) -> Iterator[Path]:
 
 
 def _put_in_place(folder: Path, destination: Path) -> None:
+    """Rename into place; what was there is put back when that fails.
+
+    A kill between the two renames leaves `.NAME.old-PID`, which the next run puts back.
+    """
+    if destination.exists() and any(destination.iterdir()) and _markers(folder) != _markers(destination):
+        raise OutputError(f"{destination}: is something else that leakloc made; it is not replaced by this")
     old = destination.with_name(f".{destination.name}.old-{os.getpid()}")
     if destination.exists():
         destination.rename(old)
-    folder.rename(destination)
+    try:
+        folder.rename(destination)
+    except OSError:
+        if old.exists():
+            old.rename(destination)
+        raise
     shutil.rmtree(old, ignore_errors=True)
 
 
 def _remove_leftovers(destination: Path) -> None:
-    """Remove what a killed run staged for the same destination; a run that still lives keeps its own."""
-    for leftover in destination.parent.glob(f".{destination.name}.partial-*"):
-        pid = leftover.name.rpartition("-")[2]
-        if pid.isdecimal() and not _is_alive(int(pid)) and leftover.is_dir():
-            shutil.rmtree(leftover, ignore_errors=True)
+    """Remove what a killed run staged, and put back what it had moved aside; a run that still lives keeps its own."""
+    for kind in ("partial", "old"):
+        for leftover in destination.parent.glob(f".{glob.escape(destination.name)}.{kind}-*"):
+            pid = leftover.name.rpartition("-")[2]
+            if not pid.isdecimal() or _is_alive(int(pid)) or not leftover.is_dir():
+                continue
+            if kind == "old" and not destination.exists():
+                leftover.rename(destination)
+            else:
+                shutil.rmtree(leftover, ignore_errors=True)
 
 
 def _is_alive(pid: int) -> bool:

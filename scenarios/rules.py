@@ -10,6 +10,16 @@ MAX_CLIP_PIXELS = 2_000_000_000
 """Both cameras, all frames: 4 GB as float32 for one camera of a stereo pair."""
 
 
+MAX_HITS = 30_000_000
+"""Of one camera: their table takes some 2 GB."""
+
+MOST_TRACKS_PER_CM2_GY = 1.8e9
+"""At 1.5 MeV; 1.13e9 at Cs-137."""
+
+LONGEST_TRACK_UM = 300.0
+"""Tracks that enter this far outside may reach the image."""
+
+
 @dataclass(frozen=True)
 class Violation:
     """One broken rule: the key to blame, its value, the rule, and every key that the rule reads."""
@@ -26,6 +36,7 @@ def violations(scenario: Scenario) -> list[Violation]:
         *_cameras_inside(scenario),
         *_shutter_times(scenario),
         *_clip_size(scenario),
+        *_hits(scenario),
         *_lamps_inside(scenario),
         *_leaks_inside(scenario),
         *_drop_times(scenario),
@@ -33,16 +44,21 @@ def violations(scenario: Scenario) -> list[Violation]:
     ]
 
 
-def _pedestal_says(scenario: Scenario, x_m: float, y_m: float, z_m: float, margin_m: float = 0.0) -> str | None:
-    """What is wrong with a place that has to be inside the pedestal, or None."""
+def _beyond_wall(scenario: Scenario, x_m: float, y_m: float, margin_m: float = 0.0) -> str | None:
+    """What a place beyond the wall must do, or None."""
+    range_m, radius_m = math.hypot(x_m, y_m), scenario.pedestal.radius_m
+    if range_m + margin_m < radius_m:
+        return None
+    return f"be inside the pedestal: {range_m:.3f} m from its axis, radius {radius_m:g} m"
+
+
+def _beyond_floor_or_ceiling(scenario: Scenario, z_m: float, margin_m: float = 0.0) -> str | None:
+    """What a place below the floor or above the ceiling must do, or None."""
     pedestal = scenario.pedestal
-    range_m = math.hypot(x_m, y_m)
-    if range_m + margin_m >= pedestal.radius_m:
-        return f"be inside the pedestal: {range_m:.3f} m from its axis, radius {pedestal.radius_m:g} m"
     low_m, high_m = (pedestal.centre_z_m + side * pedestal.height_m / 2.0 for side in (-1.0, 1.0))
-    if not low_m + margin_m < z_m < high_m - margin_m:
-        return f"be between floor ({low_m:g} m) and ceiling ({high_m:g} m)"
-    return None
+    if low_m + margin_m < z_m < high_m - margin_m:
+        return None
+    return f"be between floor ({low_m:g} m) and ceiling ({high_m:g} m)"
 
 
 PEDESTAL = ("pedestal.radius_m", "pedestal.height_m", "pedestal.centre_z_m")
@@ -61,7 +77,7 @@ def _cameras_inside(scenario: Scenario) -> Iterator[Violation]:
     reads = ("rig.position_m", "rig.baseline_m", "rig.roll_deg", "rig.pitch_deg", "rig.yaw_deg", *PEDESTAL)
     for side, sign in (("left", 0.5), ("right", -0.5)):
         eye = [o + sign * rig.baseline_m * axis for o, axis in zip(rig.position_m, left, strict=True)]
-        if broken := _pedestal_says(scenario, eye[0], eye[1], eye[2]):
+        if broken := _beyond_wall(scenario, eye[0], eye[1]) or _beyond_floor_or_ceiling(scenario, eye[2]):
             shown = ", ".join(f"{value:.3f}" for value in eye)
             yield Violation("rig.position_m", list(rig.position_m), f"{side} camera at ({shown}) must {broken}", reads)
             return
@@ -90,20 +106,42 @@ def _clip_size(scenario: Scenario) -> Iterator[Violation]:
         )
 
 
+def most_hits(dose_gy: float, pitch_um: float, shape: tuple[int, int]) -> float:
+    """Upper bound of the tracks that a dose draws in an image of (height, width) pixels and around it."""
+    around_um = 2.0 * LONGEST_TRACK_UM
+    area_um2 = math.prod(side * pitch_um + around_um for side in shape)
+    return MOST_TRACKS_PER_CM2_GY * dose_gy * area_um2 * 1e-8
+
+
+def _hits(scenario: Scenario) -> Iterator[Violation]:
+    rig, recording = scenario.rig, scenario.recording
+    dose_gy = scenario.gamma.dose_rate_gy_h * recording.exposure_s * recording.n_frames / 3600.0
+    n_hits = most_hits(dose_gy, scenario.sensor.pitch_um, (rig.height_px, rig.width_px))
+    if n_hits > MAX_HITS:
+        rule = f"makes up to {n_hits:.2g} hits a camera, more than {MAX_HITS:.2g}: must be smaller, or the clip"
+        keys = ("recording.exposure_s", "recording.n_frames", "sensor.pitch_um", "rig.width_px", "rig.height_px")
+        yield Violation("gamma.dose_rate_gy_h", scenario.gamma.dose_rate_gy_h, rule, ("gamma.dose_rate_gy_h", *keys))
+
+
 def _lamps_inside(scenario: Scenario) -> Iterator[Violation]:
     for i, lamp in enumerate(scenario.lamp):
         reads = (f"lamp.{i}", *PEDESTAL)
-        if broken := _pedestal_says(scenario, *lamp.position_m, margin_m=lamp.radius_m):
-            yield Violation(f"lamp.{i}.position_m", list(lamp.position_m), f"must, whole, {broken}", reads)
+        x_m, y_m, z_m = lamp.position_m
+        for broken in (
+            _beyond_wall(scenario, x_m, y_m, lamp.radius_m),
+            _beyond_floor_or_ceiling(scenario, z_m, lamp.radius_m),
+        ):
+            if broken:
+                yield Violation(f"lamp.{i}.position_m", list(lamp.position_m), f"must, whole, {broken}", reads)
 
 
 def _leaks_inside(scenario: Scenario) -> Iterator[Violation]:
     for i, leak in enumerate(scenario.leak):
         reads = (f"leak.{i}", *PEDESTAL)
-        if broken := _pedestal_says(scenario, leak.x_m, leak.y_m, leak.z_m, leak.drop_radius_m):
-            key = f"leak.{i}.z_m" if "floor" in broken else f"leak.{i}.x_m"
-            value: object = leak.z_m if "floor" in broken else (leak.x_m, leak.y_m)
-            yield Violation(key, value, f"must {broken}", reads)
+        if broken := _beyond_wall(scenario, leak.x_m, leak.y_m, leak.drop_radius_m):
+            yield Violation(f"leak.{i}.x_m", (leak.x_m, leak.y_m), f"must {broken}", reads)
+        if broken := _beyond_floor_or_ceiling(scenario, leak.z_m, leak.drop_radius_m):
+            yield Violation(f"leak.{i}.z_m", leak.z_m, f"must {broken}", reads)
 
 
 def _drop_times(scenario: Scenario) -> Iterator[Violation]:
@@ -130,7 +168,7 @@ def _layout(scenario: Scenario) -> Iterator[Violation]:
         rule = f"must be less than pedestal.radius_m = {scenario.pedestal.radius_m:g}"
         yield Violation("layout.wall_margin_m", layout.wall_margin_m, rule, ("layout", *PEDESTAL))
         return
-    if broken := _pedestal_says(scenario, 0.0, 0.0, layout.z_m, layout.drop_radius_m):
+    if broken := _beyond_floor_or_ceiling(scenario, layout.z_m, layout.drop_radius_m):
         yield Violation("layout.z_m", layout.z_m, f"must {broken}", ("layout", *PEDESTAL))
     # Whole layouts are drawn until one has no pair too close: the expected number of close pairs in a layout at
     # random must be small enough that one in exp(-7) or so has none.

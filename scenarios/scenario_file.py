@@ -18,6 +18,14 @@ MAX_FILE_BYTES = 1_000_000
 SHOWN_VALUE_CHARS = 60
 BENCH_SCENE = re.compile(r"(?P<stratum>easy|nominal|hard):(?P<number>\d{1,5})(:(?P<seed>\d{1,9}))?")
 
+ROW_ERRORS = {"missing", "union_tag_invalid", "union_tag_not_found", "model_type", "model_attributes_type"}
+
+FAULTLESS_ROWS: dict[str, dict[str, Any]] = {
+    "lamp": {},
+    "leak": {"x_m": 0.0, "y_m": 0.0},
+    "structure": {"kind": "box", "centre_m": [0.0, 0.0, 0.0], "size_m": [0.1, 0.1, 0.1]},
+}
+
 TYPE_RULES = {
     "float_type": "must be a number",
     "int_type": "must be a whole number",
@@ -48,11 +56,15 @@ def read_scenario(path_or_name: str | Path, overrides: Sequence[str] = (), seed:
     name only when such a file exists. Raises ScenarioError with all mistakes.
     """
     source, data = _data_of(path_or_name)
-    for override in overrides:
-        _apply(override, data)
+    mistakes = [mistake for override in overrides if (mistake := _mistake_in(override, data))]
     if seed is not None:
         data["seed"] = seed
-    scenario = validated(data, source)
+    try:
+        scenario = validated(data, source)
+    except ScenarioError as error:
+        raise ScenarioError("\n".join([*mistakes, str(error)])) from None
+    if mistakes:
+        raise ScenarioError("\n".join(mistakes))
     return scenario.model_copy(update={"structure": tuple(_at_home(table, source) for table in scenario.structure)})
 
 
@@ -132,15 +144,26 @@ def _at_home(table: Any, source: str) -> Any:
     return table.model_copy(update={"path": str(Path(source).parent / table.path)}) if table.kind == "mesh" else table
 
 
+def _mistake_in(override: str, data: dict[str, Any]) -> str | None:
+    """Apply an override; returns what is wrong with it, or None."""
+    try:
+        _apply(override, data)
+    except ScenarioError as error:
+        return str(error)
+    return None
+
+
 def _apply(override: str, data: dict[str, Any]) -> None:
     """Set one `a.b.0.c=value` in parsed data; the value is TOML, or else a plain text."""
     key, equals, text = override.partition("=")
     parts = key.strip().split(".")
     if not equals or not all(parts):
         raise ScenarioError(f"--set {override}: must have the form key.path=value")
+    if "\n" in text:
+        raise ScenarioError(f"--set {key}: must be one line")
     try:
         value = tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+    except (tomllib.TOMLDecodeError, RecursionError):
         value = text.strip()
     here: Any = data
     if len(parts) > 1 and parts[1].isdecimal() and parts[0] in Scenario.model_fields:
@@ -180,7 +203,7 @@ def _rule(kind: str, detail: Any) -> str:
     context = detail.get("ctx", {})
     for bound, sign in (("gt", ">"), ("ge", ">="), ("lt", "<"), ("le", "<=")):
         if bound in context:
-            return f"must be {sign} {context[bound]:g}"
+            return f"must be {sign} {_bound(context[bound])}"
     if kind == "union_tag_invalid":
         return f"must have a kind of {context['expected_tags']}"
     if kind == "union_tag_not_found":
@@ -190,6 +213,10 @@ def _rule(kind: str, detail: Any) -> str:
     if kind in ("too_long", "string_too_long"):
         return f"must have at most {context['max_length']} entries"
     return TYPE_RULES.get(kind, f"is refused ({detail['msg']})")
+
+
+def _bound(value: float) -> str:
+    return str(value) if isinstance(value, int) else f"{value:g}"
 
 
 def _known_keys(location: Sequence[int | str]) -> list[str]:
@@ -218,21 +245,35 @@ def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
 
 
 def _without(data: dict[str, Any], details: Sequence[Any]) -> Scenario | None:
-    """Return the scenario with its bad keys left out, so that rules between the good ones can be checked too."""
+    """Return the scenario with its bad keys left out, so that rules between the good ones can be checked too.
+
+    A row of a list that lacks something is replaced whole, so that the others keep their numbers.
+    """
     good = _copied(data)
     for detail in details:
-        here: Any = good
-        try:
-            for part in detail["loc"][:-1]:
-                here = here[part]
-            if isinstance(here, dict):
-                here.pop(detail["loc"][-1], None)
-        except (KeyError, IndexError, TypeError):
-            continue
+        location = detail["loc"]
+        if len(location) > 1 and isinstance(location[1], int) and detail["type"] in ROW_ERRORS:
+            _leave_out(good, location[:2])
+        else:
+            _leave_out(good, location)
     try:
         return Scenario.model_validate(good)
     except ValidationError:
         return None
+
+
+def _leave_out(data: Any, location: Sequence[int | str]) -> None:
+    """Take what stands at a location out of parsed data: a key; or a row, in whose place one without fault is put."""
+    here = data
+    try:
+        for part in location[:-1]:
+            here = here[part]
+        if isinstance(here, dict):
+            here.pop(location[-1], None)
+        elif isinstance(here, list):
+            here[int(location[-1])] = FAULTLESS_ROWS.get(str(location[0]))
+    except (KeyError, IndexError, TypeError):
+        return
 
 
 def _copied(value: Any) -> Any:

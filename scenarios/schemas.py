@@ -8,8 +8,6 @@ from leakloc import result_schema
 from scenarios.scenario import Scenario
 from scenarios.truth import Truth
 
-NAMES = ("scenario", "result", "truth")
-
 
 def schema(name: str) -> dict[str, Any]:
     """Return the JSON Schema of scenario.toml, result.json or truth.json."""

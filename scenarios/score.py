@@ -65,7 +65,8 @@ def score(estimates_m: Sequence[tuple[float, float]], truth: Truth) -> Score:
     """Score (x, y) estimates in world metres; an estimate that is not finite is a false one."""
     leaks_m = np.array([(leak.x_m, leak.y_m) for leak in truth.leaks], dtype=float).reshape(-1, 2)
     estimated_m = np.array(estimates_m, dtype=float).reshape(-1, 2)
-    distance_m = np.linalg.norm(leaks_m[:, None] - estimated_m[None], axis=-1)
+    with np.errstate(over="ignore", invalid="ignore"):  # a result may say 1e308
+        distance_m = np.linalg.norm(leaks_m[:, None] - estimated_m[None], axis=-1)
     distance_m[~np.isfinite(distance_m)] = np.inf
     gates_m = np.array([gate_m(truth, leak.x_m, leak.y_m) for leak in truth.leaks])
     return Score(

@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 MAX_TRUTH_BYTES = 50_000_000
 
@@ -12,10 +12,14 @@ class TruthError(ValueError):
     """A truth file that cannot be used; the message names file, key and rule."""
 
 
+Row3 = tuple[float, float, float]
+Row4 = tuple[float, float, float, float]
+
+
 class Model(BaseModel):
     """Frozen; undefined is null."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
 
 
 class ShadowColumns(Model):
@@ -28,7 +32,7 @@ class ShadowColumns(Model):
 class LeakTruth(Model):
     """One leak. Columns are where its line crosses row (H-1)/2 of the raw image."""
 
-    id: int
+    id: int = Field(ge=0)
     x_m: float
     y_m: float
     z_m: float
@@ -36,7 +40,7 @@ class LeakTruth(Model):
     right_column_px: float | None
     shadow_columns_px: ShadowColumns
     in_view: bool = Field(description="at least 3 px inside both images at mid-row")
-    visible_fraction: float = Field(description="of the rows, in the worse of the two views")
+    visible_fraction: float = Field(ge=0.0, le=1.0, description="of the rows, in the worse of the two views")
     observable: bool
     reason: str | None = Field(description="why the leak is not observable; null when it is")
     column_snr: float | None = Field(description="noise-free column aggregate over its standard deviation, worse view")
@@ -45,11 +49,11 @@ class LeakTruth(Model):
 class TrueCamera(Model):
     """One camera as it truly stands (camera axes: x right, y down, z forward)."""
 
-    width_px: int
-    height_px: int
-    camera_matrix: tuple[tuple[float, ...], ...]
-    distortion: tuple[float, ...]
-    world_from_camera: tuple[tuple[float, ...], ...]
+    width_px: int = Field(gt=0)
+    height_px: int = Field(gt=0)
+    camera_matrix: tuple[Row3, Row3, Row3]
+    distortion: tuple[float, float, float, float, float]
+    world_from_camera: tuple[Row4, Row4, Row4, Row4]
 
 
 class TrueRig(Model):
@@ -57,8 +61,8 @@ class TrueRig(Model):
 
     left: TrueCamera
     right: TrueCamera
-    baseline_m: float
-    pedestal_radius_m: float
+    baseline_m: float = Field(gt=0.0)
+    pedestal_radius_m: float = Field(gt=0.0)
 
 
 class Truth(Model):
@@ -66,6 +70,14 @@ class Truth(Model):
 
     leaks: tuple[LeakTruth, ...]
     rig: TrueRig
+
+    @model_validator(mode="after")
+    def _ids_are_unique(self) -> "Truth":
+        if len({leak.id for leak in self.leaks}) < len(self.leaks):
+            raise ValueError("every leak must have an id of its own")
+        if self.rig.left.camera_matrix[0][0] <= 0.0:
+            raise ValueError("rig.left.camera_matrix must have a focal length > 0")
+        return self
 
 
 def truth_json(truth: Truth) -> str:

@@ -136,7 +136,19 @@ def cut_manifest(folder):
     return "clip.json"
 
 
-@pytest.mark.parametrize("harm", [damage_frame, drop_frame, repaint_frame, add_frame, change_truth, cut_manifest])
+def test_the_truth_is_not_looked_at_by_locate_and_must_be_whole_for_score(own_clip, tmp_path):
+    change_truth(own_clip)
+    assert run("locate", own_clip, "-o", tmp_path / "result.json").exit_code == 0
+    assert_refused(run("score", tmp_path / "result.json", own_clip), "truth.json")
+
+
+def list_nothing(folder):
+    manifest = json.loads((folder / "clip.json").read_text())
+    (folder / "clip.json").write_text(json.dumps({**manifest, "files": {}}))
+    return "clip.json"
+
+
+@pytest.mark.parametrize("harm", [damage_frame, drop_frame, repaint_frame, add_frame, cut_manifest, list_nothing])
 def test_a_damaged_clip_is_refused_by_the_name_of_the_file(own_clip, tmp_path, harm):
     named = harm(own_clip)
     assert_refused(run("locate", own_clip, "-o", tmp_path / "result.json"), named)
@@ -190,6 +202,71 @@ def test_a_data_set_is_the_same_whatever_the_number_of_workers_and_goes_on_after
 
 def contents(folder):
     return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+
+
+@pytest.fixture
+def data_set(tmp_path):
+    folder = tmp_path / "data"
+    assert run("generate", "separated", "-n", 3, "-o", folder, "--workers", 1, *SMALL).exit_code == 0
+    return folder
+
+
+def generated(folder, n_clips):
+    return run("generate", "separated", "-n", n_clips, "-o", folder, "--workers", 1, *SMALL)
+
+
+def test_a_data_set_grows_and_does_not_shrink(data_set):
+    assert generated(data_set, 4).exit_code == 0
+    assert len(json.loads((data_set / "dataset.json").read_text())["clips"]) == 4
+    assert_refused(generated(data_set, 2), "holds 4 clips already")
+
+
+def test_a_clip_of_another_seed_or_without_manifest_is_made_again(data_set):
+    before = contents(data_set)
+    shutil.rmtree(data_set / "clip_00002")
+    shutil.copytree(data_set / "clip_00001", data_set / "clip_00002")
+    (data_set / "clip_00000" / "clip.json").unlink()
+    assert generated(data_set, 3).exit_code == 0
+    assert contents(data_set) == before
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["noise", "{clip}", "-o", "{out}", "--dose-rate", "nan"],
+        ["noise", "{clip}", "-o", "{out}", "--dose-rate", "10000", "--exposure", "100"],
+        ["noise", "{clip}", "-o", "{clip}", "--dose-rate", "10", "--force"],
+        ["noise", "{clip}", "-o", "{clip}/more", "--dose-rate", "10"],
+        ["noise", "{clip}/left", "-o", "{clip}", "--dose-rate", "10", "--exposure", "0.1", "--force"],
+        ["locate", "{clip}", "--k-sigma", "inf", "--method", "paper"],
+        ["locate", "{clip}", "--g-win", "2000000000", "--method", "paper"],
+        ["locate", "{clip}", "-o", "{clip}/truth.json"],
+        ["locate", "{clip}", "-o", "{clip}/left/0000.png"],
+        ["locate", "{clip}", "-o", "/dev/null"],
+        ["locate", "{clip}", "-o", "{out}/no/such/folder.json"],
+        ["locate", "{clip}", "--pan", "abc"],
+        ["explain", "plain", "--command", "tool '{{clip}} {{result}}"],
+        ["explain", "plain", "--command", "tool {{clip}}"],
+        ["explain", "plain", "--method", "paper", "-o", "{out}/no/such/page.html"],
+        ["simulate", "plain", "--seed", "99999999999999999999999", "-o", "{out}"],
+        ["simulate", "plain", "--set", "a=1\nb=2", "-o", "{out}"],
+        ["check", "plain", "--set", 'structure=[{{kind="mesh", path="nosuch.stl"}}]'],
+        ["demo", "-o", "{clip}", "--force"],
+    ],
+)
+def test_bad_input_is_refused_and_the_clip_stays_as_it_is(own_clip, tmp_path, arguments):
+    before = contents(own_clip)
+    result = run(*(word.format(clip=own_clip, out=tmp_path / "out") for word in arguments))
+    assert result.exit_code == 2, result.output
+    assert "Traceback" not in result.output
+    assert contents(own_clip) == before
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["clip"]
+
+
+def test_an_estimator_that_never_answers_is_named_and_the_exit_code_says_so():
+    result = run("explain", "plain", *SMALL, "--command", "true {clip} {result}")
+    assert result.exit_code == 1
+    assert "malformed: " in result.output
 
 
 def test_a_data_set_does_not_mix_with_another(tmp_path):

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenarios.clip_folder import estimators_copy, write_clip
+from scenarios.clip_folder import write_clip, write_estimators_clip
 from scenarios.output_folder import creating
 from scenarios.scenario_file import read_scenario
 from scenarios.simulate import simulate
@@ -45,14 +45,16 @@ def test_the_cheat_finds_the_truth_in_the_whole_folder(clip):
     assert any(says_where(path, simulated.truth) for path in reachable_files(folder))
 
 
-def test_the_cheat_finds_nothing_in_an_estimators_copy(clip):
+def test_the_cheat_finds_nothing_in_what_a_foreign_estimator_gets(clip, tmp_path):
     simulated, folder = clip
-    with estimators_copy(folder) as copy:
-        paths = list(reachable_files(copy))
-        assert len(paths) >= 2 * 4 + 2
-        assert {os.path.basename(path) for path in paths if not path.endswith(".png")} == {"rig.yaml", "input.json"}
-        assert not any(says_where(path, simulated.truth) for path in paths)
-        assert str(folder) not in json.dumps([os.path.realpath(path) for path in paths])
+    copy = tmp_path / "given" / "clip"
+    copy.parent.mkdir()
+    write_estimators_clip(simulated, copy)
+    paths = list(reachable_files(copy))
+    assert len(paths) >= 2 * 4 + 2
+    assert {os.path.basename(path) for path in paths if not path.endswith(".png")} == {"rig.yaml", "input.json"}
+    assert not any(says_where(path, simulated.truth) for path in paths)
+    assert str(folder) not in json.dumps([os.path.realpath(path) for path in paths])
 
 
 def test_the_believed_rig_does_not_betray_the_misalignment():

@@ -12,6 +12,13 @@ def fill(folder, word):
     write_json(folder / "clip.json", {"made_by": made_by(), "word": word})
 
 
+def dead_process():
+    """Number of a process that is no more."""
+    process = subprocess.Popen([sys.executable, "-c", ""])
+    process.wait()
+    return process.pid
+
+
 def fail_half_way(new_folder, destination):
     def run():
         with new_folder(destination) as folder:
@@ -77,10 +84,38 @@ def test_a_file_or_link_in_the_way_is_refused(tmp_path):
             pass
 
 
+def test_what_a_killed_run_had_moved_aside_is_put_back_by_the_next(tmp_path):
+    aside = tmp_path / f".clip.old-{dead_process()}"
+    aside.mkdir()
+    fill(aside, "old")
+    with pytest.raises(OutputError, match="--force"), creating(tmp_path / "clip"):
+        pass
+    assert "old" in (tmp_path / "clip" / "clip.json").read_text()
+
+
+def test_something_else_that_the_tool_made_is_not_replaced(tmp_path):
+    with creating(tmp_path / "data") as folder:
+        write_json(folder / "dataset.json", {"made_by": made_by()})
+
+    def run():
+        with replacing(tmp_path / "data") as folder:
+            fill(folder, "clip")
+
+    with pytest.raises(OutputError, match="something else"):
+        run()
+    assert (tmp_path / "data" / "dataset.json").exists()
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_leftovers_are_told_by_their_whole_name(tmp_path):
+    (tmp_path / f".d[7].partial-{dead_process()}").mkdir()
+    with creating(tmp_path / "d[7]") as folder:
+        fill(folder, "new")
+    assert [p.name for p in tmp_path.iterdir()] == ["d[7]"]
+
+
 def test_what_a_killed_run_left_is_cleared_by_the_next(tmp_path):
-    dead = subprocess.Popen([sys.executable, "-c", ""])
-    dead.wait()
-    (tmp_path / f".clip.partial-{dead.pid}").mkdir()
+    (tmp_path / f".clip.partial-{dead_process()}").mkdir()
     with creating(tmp_path / "clip") as folder:
         fill(folder, "new")
     assert [p.name for p in tmp_path.iterdir()] == ["clip"]

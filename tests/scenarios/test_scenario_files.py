@@ -44,7 +44,11 @@ BAD = [
     ("exposure longer than a frame", "[recording]\nfps = 30.0\n", ("recording.exposure_s", "1 / fps", "0.0333333")),
     ("layout and leaks", f"[layout]\n{LEAK}", ("layout", "beside [[leak]]")),
     ("crowded layout", "[layout]\nn_leaks = 90\n", ("layout.min_separation_m", "do not fit", "0.5")),
-    ("huge clip", "[rig]\nwidth_px = 4096\nheight_px = 4096\n[recording]\nn_frames = 900\n", ("n_frames", "900")),
+    (
+        "huge clip",
+        "gamma.dose_rate_gy_h = 0.0\n[rig]\nwidth_px = 4096\nheight_px = 4096\n[recording]\nn_frames = 900\n",
+        ("n_frames", "900"),
+    ),
     ("too frequent drops", f"{LEAK}drip_period_s = 0.001\n", ("leak.0.drip_period_s", "drops", "0.001")),
     ("negative seed", "seed = -1\n", ("seed", ">= 0", "-1")),
 ]
@@ -73,6 +77,37 @@ def test_all_mistakes_are_reported_at_once_rules_between_values_included(tmp_pat
         read_scenario(path)
     keys = [line.split(": ", 1)[1].split()[0].rstrip(":") for line in str(caught.value).splitlines()]
     assert sorted(keys) == ["leak.0.x_m", "rig.baseline_m", "rig.hfov", "sensor.tone"]
+
+
+FAR_LEAK = "[[leak]]\nx_m = 9.0\ny_m = 0.0\nz_m = 50.0\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "keys"),
+    [
+        ("[recording]\nexposure_s = 3.0\n[[leak]]\nx_m = 1.0\n", ["leak.0.y_m", "recording.exposure_s"]),
+        (
+            "[[leak]]\nx_m = 1.0\n[[leak]]\nx_m = 9.0\ny_m = 0.0\nz_m = 50.0\n",
+            ["leak.0.y_m", "leak.1.x_m", "leak.1.z_m"],
+        ),
+        ('[rig]\nbaseline_m = 9.0\n[[structure]]\nkind = "foo"\n', ["rig.position_m", "structure.0"]),
+        ("[[lamp]]\nposition_m = [9.0, 0.0, 9.0]\n", ["lamp.0.position_m", "lamp.0.position_m"]),
+        ("[gamma]\ndose_rate_gy_h = 10000.0\n[recording]\nfps = 0.1\nexposure_s = 10.0\n", ["gamma.dose_rate_gy_h"]),
+    ],
+)
+def test_a_mistake_does_not_hide_those_beside_it(tmp_path, text, keys):
+    path = tmp_path / "bad.toml"
+    path.write_text(text)
+    with pytest.raises(ScenarioError) as caught:
+        read_scenario(path)
+    blamed = [line.split(": ", 1)[1].split()[0].rstrip(":") for line in str(caught.value).splitlines()]
+    assert sorted(blamed) == keys
+
+
+def test_mistakes_of_overrides_come_with_those_of_the_file():
+    with pytest.raises(ScenarioError) as caught:
+        read_scenario("separated", ["foo", "rig.width_px=3", "gamma.dose_rate_gy_h=1\nx = 3"])
+    assert len(str(caught.value).splitlines()) == 3
 
 
 def test_a_rule_that_reads_a_bad_value_is_not_blamed_on_a_good_one(tmp_path):
