@@ -26,6 +26,7 @@ def build_scene(scenario: Scenario) -> simcam.Scene:
             for leak in scenario.leak
         ),
         structures=tuple(_structure(table, number) for number, table in enumerate(scenario.structure)),
+        drop_shadows=scenario.effects.drop_shadows,
     )
 
 

@@ -45,6 +45,15 @@ def test_taking_the_beam_away_cures_the_leak_behind_it(arms):
     assert "leak 1 is found without: " in table(arms)
 
 
+def test_without_its_shadow_a_leak_near_the_wall_is_not_pulled_by_it():
+    near = ["leak.0.x_m=2.05", "leak.0.y_m=-0.04"]
+    as_it_is, without, *_ = explain(read_scenario("plain", near), PAPER)
+    assert without.removed == "drop shadows"
+    assert as_it_is.codes.leaks[0] != "found"
+    (pair,) = without.scored.gated.pairs
+    assert pair.error_m < 0.1
+
+
 def test_the_page_shows_every_arm(arms):
     page = explain_html(arms)
     assert page.count("<figure>") == len(arms)
