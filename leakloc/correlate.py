@@ -6,6 +6,7 @@ shared between the cameras, so whatever two columns have in common fell.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from leakloc.streaks import Activity
+from leakloc.streaks import Activity, Streaks
 
 Array = NDArray[np.float64]
 
@@ -27,6 +28,10 @@ LEAST_NOISY_COLUMNS = 30  # of those looked at: fewer cannot say how unrelated c
 SCALE_STEP = 3  # every third pair of columns is enough to measure how unrelated ones scatter
 BRIGHT_FROM, BRIGHT_TO = 1.0, 4.0  # noise units of a band: nothing is left where shadows pass, little of a hit
 KINDS = 2  # signed and bright
+MOST_STEP = 2  # frames that a stereo pair is believed to be out of step at most
+STEP_GAIN, STEP_SIGMAS = 1.3, 8.0  # over no step; of the best pair
+STEP_COLUMN_PX = 2  # a step is asked on every other column: lines are wider
+LEAST_SAMPLES = 12
 CELL_PX = 1.0  # columns that count as one independent trial: measured on clips without leaks, 0 to 200 Gy/h
 
 
@@ -53,6 +58,23 @@ def agreement(left: Activity, right: Activity) -> Agreement:
     shining = [np.clip(activity, BRIGHT_FROM, BRIGHT_TO) for activity in (left, right)]
     bright = np.maximum(*(_signed_root(*(_samples(activity, fold) for activity in shining)) for fold in FOLDS))
     return Agreement(signed, bright)
+
+
+def stereo_step(views: Sequence[Streaks]) -> dict[str, float]:
+    """Frames by which the right view lags the left one: the shift in time at which they agree best.
+
+    `frames` is 0 unless another shift agrees clearly better; `sigmas` and `sigmas_unshifted` are the best pair's.
+    """
+    left, right = (_samples(view.activity, FOLDS[-1])[:, ::STEP_COLUMN_PX] for view in views)
+    bands = len(left) // len(views[0].activity)
+    tops = {}
+    for shift in (0, *(s for step in range(1, MOST_STEP + 1) for s in (step, -step))):
+        early, late = max(0, -shift) * bands, max(0, shift) * bands
+        pair = left[early : len(left) - late], right[late : len(right) - early]
+        tops[shift] = float(_signed_root(*pair).max()) if len(pair[0]) >= LEAST_SAMPLES else -np.inf
+    best = max(tops, key=lambda shift: tops[shift])
+    shifted = tops[best] > STEP_GAIN * tops[0] and tops[best] > STEP_SIGMAS
+    return {"frames": best if shifted else 0, "sigmas": tops[best], "sigmas_unshifted": tops[0]}
 
 
 def threshold_sigmas(n_pairs: int, expected_false: float) -> float:

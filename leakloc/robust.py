@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from leakloc.background import Frames
-from leakloc.correlate import agreement, threshold_sigmas
+from leakloc.condition import alike_frames, describe_clip, row_offset
+from leakloc.correlate import agreement, stereo_step, threshold_sigmas
 from leakloc.estimate import Estimate, LeakEstimate
 from leakloc.explain import BEYOND_WALL, LEAK, LEAST_DEPTH_M, Verdict, explain_tracks
 from leakloc.levelled import VIEWS, LevelPair, level_pair, levelled_frames
@@ -41,8 +42,16 @@ class Upright:
 
 
 def locate_robustly(left: Frames, right: Frames, rig: Rig, expected_false_leaks: float) -> Estimate:
-    """Leaks, with every rejected line and its reason in the diagnostics."""
+    """Leaks, with every rejected line and its reason in the diagnostics.
+
+    Diagnostics: `condition` of each view (state, repeated_frames, exposure_jumps), `step` (frames that the right view
+    lags, with its significance and that of none), `levelling` (roll and pitch against the believed pose, deg),
+    `row_offset` (rows that the right view shows drops lower), `threshold_sigmas`, `noise_grey`, and `lines`, each with
+    its columns, place, significance, polarity and `verdict`: "leak" or the reason why not.
+    """
     believed = level_pair(rig)
+    condition = describe_clip(left, right)
+    left, right = (alike_frames(frames, condition) for frames in (left, right))
     with ThreadPoolExecutor(len(VIEWS)) as threads:  # OpenCV and the sorts let go of the interpreter
         leaning = list(
             threads.map(lambda view: streaks(levelled_frames((left, right)[view], believed, view)), range(len(VIEWS)))
@@ -52,7 +61,8 @@ def locate_robustly(left: Frames, right: Frames, rig: Rig, expected_false_leaks:
     verdicts = explain_tracks(seen.tracks, seen.views, seen.level, rig)
     standing = tilted_rig(rig, believed, seen.tilt.applied_rad)
     leaks = tuple(_leak(verdict, seen.level, standing) for verdict in verdicts if verdict.reason == LEAK)
-    return Estimate("robust", rig.frame, leaks, _describe(seen, verdicts, least))
+    clip = {"condition": condition, "step": stereo_step(seen.views)}
+    return Estimate("robust", rig.frame, leaks, clip | _describe(seen, verdicts, least))
 
 
 def meeting_pairs(level: LevelPair, rig: Rig) -> int:
@@ -148,6 +158,7 @@ def _describe(seen: Upright, verdicts: Sequence[Verdict], least: float) -> dict[
         "threshold_sigmas": least,
         "noise_grey": [view.noise_grey for view in seen.views],
         "levelling": seen.tilt.describe(),
+        "row_offset": row_offset(seen.tracks, seen.views),
         "lines": [_describe_line(verdict, seen.level) for verdict in verdicts],
     }
 
