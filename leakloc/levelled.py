@@ -116,8 +116,9 @@ def _map(
 ) -> tuple[NDArray[np.int16], NDArray[np.uint16]] | None:
     focal_px, principal_px, (width, height) = camera
     level_K = np.array([[focal_px, 0, principal_px[0]], [0, focal_px, principal_px[1]], [0, 0, 1]])
-    x, y = cv2.initUndistortRectifyMap(K, D, turn, level_K, (width, height), cv2.CV_32FC1)
-    moved = max(np.abs(x - np.arange(width)).max(), np.abs(y - np.arange(height)[:, None]).max())
-    if moved < SAME_PX:
+    corners = np.array([[0, 0, 1], [width - 1, 0, 1], [0, height - 1, 1], [width - 1, height - 1, 1.0]]).T
+    moved = level_K @ turn @ np.linalg.inv(K) @ corners
+    if not D.any() and np.abs(moved[:2] / moved[2] - corners[:2]).max() < SAME_PX:  # lines stay lines: corners tell
         return None
+    x, y = cv2.initUndistortRectifyMap(K, D, turn, level_K, (width, height), cv2.CV_32FC1)
     return cv2.convertMaps(x, y, cv2.CV_16SC2)  # type: ignore[return-value]

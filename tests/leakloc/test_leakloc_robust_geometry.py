@@ -1,0 +1,103 @@
+"""Level views, tilt, glints and shadows: laws of geometry that the robust method stands on."""
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from leakloc.glints import WATER_INDEX, glint_offsets
+from leakloc.levelled import level_pair
+from leakloc.shadows import penumbra_m, shadow_places
+from leakloc.tilt import leaning_columns, level_under, tilted_rig
+from leakloc.triangulate import column_planes, meet_at_camera_height
+
+places = st.tuples(st.floats(-1.5, 2.4), st.floats(-1.5, 1.5))
+tilts_deg = st.tuples(st.floats(-3, 3), st.floats(-3, 3))
+
+
+@given(places)
+def test_the_columns_of_a_place_lead_back_to_it(make_rig, place_m):
+    level = level_pair(make_rig())
+    np.testing.assert_allclose(level.places_of(level.columns_of([place_m]))[0], place_m, atol=1e-9)
+
+
+def test_a_leak_at_the_origin_has_the_columns_of_the_contract(make_rig):
+    np.testing.assert_allclose(level_pair(make_rig()).columns_of([[0.0, 0.0]])[0], [550.91, 408.09], atol=5e-3)
+
+
+@given(places)
+def test_a_level_rig_triangulates_as_the_paper_does(make_rig, place_m):
+    rig = make_rig()
+    columns = level_pair(rig).columns_of([place_m])[0]
+    planes = [column_planes([c], P, 540) for c, P in zip(columns, (rig.P1, rig.P2), strict=True)]
+    np.testing.assert_allclose(meet_at_camera_height(*planes)[0], place_m, atol=1e-9)
+
+
+def test_a_level_rig_needs_no_remapping_and_a_tilted_one_does(make_rig):
+    rig = make_rig()
+    level = level_pair(rig)
+    assert level.maps == (None, None)
+    assert None not in level_pair(tilted_rig(rig, level, np.radians([1.0, 0.0]))).maps
+
+
+@given(places, tilts_deg, st.floats(-0.8, 0.8), st.sampled_from([0, 1]))
+def test_a_point_of_a_plumb_line_is_seen_where_leaning_columns_say(make_rig, place_m, tilt_deg, height_m, view):
+    rig = make_rig()
+    believed, tilt = level_pair(rig), np.radians(tilt_deg)
+    standing = tilted_rig(rig, believed, tilt)
+    seen = (standing.P1, standing.P2)[view] @ [*place_m, height_m, 1.0]
+    assume(seen[2] > 0.5)
+    column, row = seen[:2] / seen[2]
+    upright = level_under(rig, believed, tilt).columns_of([place_m])[0, view]
+    told = leaning_columns(believed, tilt, view, np.array([row]), np.array([upright]))[0, 0]
+    assert told == pytest.approx(column, abs=1e-6)
+
+
+def test_roll_lifts_the_left_side_and_pitch_looks_down(make_rig):
+    rig = make_rig()
+    level = level_pair(rig)
+    rolled, pitched = (tilted_rig(rig, level, np.radians(t)) for t in ([2.0, 0.0], [0.0, 2.0]))
+    left_m, right_m = (
+        -np.linalg.inv(m)[:3, :3] @ np.zeros(3) + np.linalg.inv(m)[:3, 3]
+        for m in (rolled.left_from_frame, rolled.right_from_frame)
+    )
+    assert left_m[2] > 0 > right_m[2]
+    assert pitched.left_from_frame[2, 2] < 0  # the optical axis points below the horizon
+
+
+@given(st.floats(0.05, 0.6), st.booleans())
+def test_the_glints_stand_on_opposite_sides_of_the_centre(angle_rad, mirrored):
+    side = -1.0 if mirrored else 1.0
+    lamp_m = 3.0 * np.array([np.cos(angle_rad), side * np.sin(angle_rad), 0.0])
+    offsets, shares = glint_offsets(np.array([3.0, 0, 0]), lamp_m, np.zeros(3), np.array([0.0, 1.0, 0.0]))
+    assert side * offsets[0] == pytest.approx(np.sin(angle_rad / 2))
+    assert side * offsets[1] < 0
+    b = abs(offsets[1])
+    assert 4 * np.arcsin(b / WATER_INDEX) - 2 * np.arcsin(b) == pytest.approx(angle_rad, abs=1e-3)
+    assert shares.sum() == pytest.approx(1.0)
+
+
+def test_a_lamp_at_the_camera_glitters_in_the_middle():
+    offsets, _ = glint_offsets(np.array([3.0, 0, 0]), np.array([2.0, 0, 0]), np.zeros(3), np.array([0.0, 1.0, 0.0]))
+    np.testing.assert_allclose(offsets, 0.0, atol=1e-12)
+
+
+@given(places, st.tuples(st.floats(-2.4, -1.8), st.floats(-0.5, 0.5)))
+def test_a_shadow_is_on_the_wall_and_behind_the_leak_as_the_lamp_sees_it(place_m, lamp_m):
+    assume(np.hypot(*place_m) < 2.45)
+    place, lamp = np.array(place_m), np.array(lamp_m)
+    assume(np.linalg.norm(place - lamp) > 0.05)
+    shadow = shadow_places(place, lamp, 2.5)[0]
+    assert np.hypot(*shadow) == pytest.approx(2.5)
+    ray, onward = place - lamp, shadow - lamp
+    assert ray[0] * onward[1] - ray[1] * onward[0] == pytest.approx(0.0, abs=1e-9)
+    assert onward @ ray >= ray @ ray
+
+
+def test_a_leak_beyond_the_wall_throws_no_shadow():
+    assert np.isnan(shadow_places([2.6, 0.0], np.array([-2.3, 0.0]), 2.5)).all()
+
+
+def test_a_lamp_half_way_to_the_wall_smears_by_its_own_radius():
+    blur_m, magnified = penumbra_m(np.zeros(2), np.array([2.4, 0.0]), np.array([-2.4, 0.0]), 0.1)
+    assert (blur_m, magnified) == (pytest.approx(0.1), pytest.approx(2.0))

@@ -1,0 +1,154 @@
+"""Streak activity, agreement between the views, matching, levelling and the clip's condition, on drawn data."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from leakloc import locate
+from leakloc.condition import DARK, FROZEN, SATURATED, describe_condition
+from leakloc.correlate import agreement, threshold_sigmas
+from leakloc.levelled import level_pair
+from leakloc.levelling import fit_tilt, slope_of
+from leakloc.streaks import band_sums, best_bright_clip, streaks
+from leakloc.tilt import leaning_columns
+from leakloc.tracks import match_tracks
+
+
+def raining(columns_px, rng, n=24, size=(270, 320), grey=8.0):
+    """A wall of grey 60 with unit noise; leak k darkens or brightens its column while a drop passes, phases apart."""
+    height, width = size
+    frames = 60 + rng.normal(0, 1.5, (n, height, width))
+    for leak, (column, side) in enumerate(columns_px):
+        for frame in range(n):
+            top = (frame * 67 + leak * 113) % (3 * height) - height // 2
+            frames[frame, max(0, top) : max(0, top + 60), column - 1 : column + 2] += side * grey
+    return np.clip(np.rint(frames), 0, 255).astype(np.uint8)
+
+
+@given(st.integers(0, 2**32), st.integers(3, 6), st.integers(8, 120))
+def test_band_sums_are_clipped_frames_summed_over_bands(seed, n, height):
+    rng = np.random.default_rng(seed)
+    frames = rng.integers(0, 256, (n, height, 40), np.uint8)
+    low = rng.integers(0, 100, (height, 40), np.uint8)
+    high = rng.integers(120, 256, (height, 40)).astype(np.uint8)
+    sums, rows_px = band_sums(frames, low, high)
+    rows = round(2 * rows_px[0] + 1)
+    bands = height // rows
+    slow = np.clip(frames, low, high)[:, : bands * rows].reshape(n, bands, rows, 40).sum(axis=2, dtype=np.float64)
+    np.testing.assert_array_equal(sums, slow)
+
+
+def test_the_bright_limit_is_wide_without_hits_and_tight_with_them():
+    rng = np.random.default_rng(1)
+    noise = rng.normal(0, 1, 200_000)
+    hits = np.where(rng.random(200_000) < 0.1, rng.exponential(20.0, 200_000), 0.0)
+    assert best_bright_clip(noise) >= 3.0
+    assert best_bright_clip(noise + hits) <= 1.5
+    assert best_bright_clip(np.zeros(1000)) >= 3.0
+
+
+def test_the_same_drops_agree_and_hits_do_not():
+    rng = np.random.default_rng(2)
+    left = streaks(raining([(200, 1), (90, -1)], rng)).activity
+    right = streaks(raining([(150, 1), (50, -1)], rng)).activity
+    sigmas = agreement(left, right).signed
+    assert sigmas[200, 150] > 15
+    assert sigmas[90, 50] > 15
+    sigmas[195:206, 145:156] = sigmas[85:96, 45:56] = 0
+    sigmas[195:206, 45:56] = sigmas[85:96, 145:156] = 0  # their drips overlap by chance
+    assert sigmas.max() < 5.5
+
+
+def test_shadows_leave_nothing_in_the_bright_agreement():
+    rng = np.random.default_rng(3)
+    left, right = (streaks(raining([(c, -1)], rng)).activity for c in (200, 150))
+    agreed = agreement(left, right)
+    assert agreed.signed[200, 150] > 15
+    assert agreed.bright[195:206, 145:156].max() < 5.0
+
+
+def test_the_threshold_rises_with_pairs_and_falls_with_tolerance():
+    assert threshold_sigmas(400_000, 0.05) > threshold_sigmas(100_000, 0.05) > threshold_sigmas(100_000, 0.2) > 3
+
+
+@given(st.permutations(range(5)), st.integers(0, 2**32))
+def test_lines_are_matched_in_any_order_and_none_twice(order, seed):
+    rng = np.random.default_rng(seed)
+    sigmas = rng.normal(0, 1, (120, 120)).astype(np.float32)
+    for i, j in enumerate(order):
+        sigmas[10 + 20 * i, 12 + 20 * j] = 30 + i
+    tracks = match_tracks(sigmas, np.ones((120, 120), bool), 8.0)
+    assert {(t.left_px, t.right_px) for t in tracks} == {(10 + 20 * i, 12 + 20 * j) for i, j in enumerate(order)}
+
+
+def test_below_the_price_nothing_is_matched():
+    sigmas = np.zeros((60, 60), np.float32)
+    sigmas[20, 30] = 4.9
+    assert match_tracks(sigmas, np.ones((60, 60), bool), 5.0) == []
+
+
+@given(st.floats(-0.001, 0.001), st.floats(1.5, 4.0))
+def test_the_slope_of_a_leaning_line_is_measured(slope, width_px):
+    rows = np.arange(36) * 15 + 7.0
+    columns = np.arange(-12, 13)
+    profile = 50 * np.exp(-0.5 * ((columns - slope * (rows[:, None] - rows.mean())) / width_px) ** 2)
+    measured, _ = slope_of(profile, rows)
+    assert measured == pytest.approx(slope, rel=0.1, abs=1e-4)
+
+
+@given(st.floats(-0.4, 0.4), st.floats(-0.4, 0.4))
+def test_slopes_of_plumb_lines_give_the_tilt_back(make_rig, roll_deg, pitch_deg):
+    level, tilt = level_pair(make_rig()), np.radians([roll_deg, pitch_deg])
+    rows = np.array([0.0, 539.0])
+    slopes = []
+    for view, column in ((0, 200.0), (0, 700.0), (1, 120.0), (1, 620.0)):
+        ends = leaning_columns(level, tilt, view, rows, np.array([column]))[:, 0]
+        slopes.append((view, column, float(ends[1] - ends[0]) / 539.0, 1e-8))
+    found = fit_tilt(slopes, level, np.zeros(2), rows)
+    np.testing.assert_allclose(np.degrees(found.tilt_rad), [roll_deg, pitch_deg], atol=0.01)
+
+
+def views_of(kind, shape, rng):
+    noise = rng.integers(90, 110, shape, np.uint8)
+    return {
+        "black": np.zeros(shape, np.uint8),
+        "white": np.full(shape, 255, np.uint8),
+        "still": np.repeat(noise[:1], shape[0], axis=0),
+        "noisy": noise,
+    }[kind]
+
+
+@pytest.mark.parametrize("right", ["black", "white", "still", "noisy"])
+@pytest.mark.parametrize("left", ["black", "white", "still", "noisy"])
+def test_a_blind_camera_is_said_to_be_blind_and_finds_nothing(make_rig, left, right):
+    rng = np.random.default_rng(4)
+    estimate = locate(*(views_of(kind, (6, 54, 96), rng) for kind in (left, right)), make_rig(96, 54), method="robust")
+    assert estimate.leaks == ()
+    states = {"black": DARK, "white": SATURATED, "still": FROZEN, "noisy": "fit"}
+    told = estimate.diagnostics["condition"]
+    assert (told["left"]["state"], told["right"]["state"]) == (states[left], states[right])
+
+
+@given(st.integers(0, 2**32), st.integers(3, 7), st.integers(8, 40), st.integers(16, 90), st.sampled_from([2, 256]))
+def test_random_grey_of_any_size_is_answered_without_a_number_that_is_none(make_rig, seed, n, height, width, levels):
+    rng = np.random.default_rng(seed)
+    views = [rng.integers(0, levels, (n, height, width), np.uint8) for _ in range(2)]
+    estimate = locate(*views, make_rig(width, height), method="robust")
+    assert all(np.isfinite([leak.x_m, leak.y_m, *leak.covariance_m2.ravel()]).all() for leak in estimate.leaks)
+
+
+def test_a_repeated_frame_and_a_jump_of_exposure_are_told():
+    frames = np.random.default_rng(5).integers(90, 110, (8, 54, 96), np.uint8)
+    frames[3] = frames[2]
+    frames[0] //= 2
+    told = describe_condition(frames)
+    assert told["repeated_frames"] == [3]
+    assert told["exposure_jumps"] == [0]
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, float("nan"), 2.0])
+def test_a_tolerance_that_means_nothing_is_refused(make_rig, value):
+    frames = np.zeros((4, 54, 96), np.uint8)
+    with pytest.raises(ValueError, match="expected_false_leaks must be > 0 and <= 1"):
+        locate(frames, frames, make_rig(96, 54), expected_false_leaks=value)
