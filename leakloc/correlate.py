@@ -22,12 +22,13 @@ FOLDS = (
     1,
     4,
 )  # bands summed before the product: short exposures leave short streaks, long ones gain from the longer sum
+PATH_BANDS, PATH_DROP = 3, 2  # bands of a sample, and its fall to the next frame in such samples
 ACROSS = np.array([[0.25, 0.5, 0.25]], np.float32)  # a drop's image is some columns wide
 LEAST_ENERGY = 0.2  # of a sample's noise: a dead column must not turn rounding into certainty
 LEAST_NOISY_COLUMNS = 30  # of those looked at: fewer cannot say how unrelated columns scatter
 SCALE_STEP = 3  # every third pair of columns is enough to measure how unrelated ones scatter
 BRIGHT_FROM, BRIGHT_TO = 1.0, 4.0  # noise units of a band: nothing is left where shadows pass, little of a hit
-KINDS = 2  # signed and bright
+KINDS = 4  # looks at a pair that are nearly independent: two folds and a path, signed, and bright
 MOST_STEP = 2  # frames that a stereo pair is believed to be out of step at most
 STEP_GAIN, STEP_SIGMAS = 1.3, 8.0  # over no step; of the best pair
 STEP_COLUMN_PX = 2  # a step is asked on every other column: lines are wider
@@ -54,7 +55,8 @@ def agreement(left: Activity, right: Activity) -> Agreement:
     against its own scale over all pairs, nearly all of which are unrelated.
     """
     samples = [(_samples(left, fold), _samples(right, fold)) for fold in FOLDS]
-    signed = np.maximum(*(_signed_root(*pair) for pair in samples))
+    samples.append((_path_samples(left), _path_samples(right)))
+    signed = np.maximum.reduce([_signed_root(*pair) for pair in samples])
     shining = [np.clip(activity, BRIGHT_FROM, BRIGHT_TO) for activity in (left, right)]
     bright = np.maximum(*(_signed_root(*(_samples(activity, fold) for activity in shining)) for fold in FOLDS))
     return Agreement(signed, bright)
@@ -78,8 +80,8 @@ def stereo_step(views: Sequence[Streaks]) -> dict[str, float]:
 
 
 def threshold_sigmas(n_pairs: int, expected_false: float) -> float:
-    """Significance that unrelated columns exceed `expected_false` times in n_pairs pairs, over folds and kinds."""
-    trials = max(1.0, KINDS * len(FOLDS) * n_pairs / CELL_PX**2)
+    """Significance that unrelated columns exceed `expected_false` times in n_pairs pairs, over all looks."""
+    trials = max(1.0, KINDS * n_pairs / CELL_PX**2)
     return float(norm.isf(min(0.5, expected_false / trials)))
 
 
@@ -91,6 +93,22 @@ def _samples(activity: Activity, fold: int) -> NDArray[np.float32]:
     summed = activity[:, : kept * fold].reshape(n, kept, fold, width).sum(axis=2) / np.sqrt(fold)
     summed -= summed.mean(axis=0)
     return cv2.filter2D(summed.reshape(n * kept, width), -1, ACROSS).astype(np.float32, copy=False)
+
+
+def _path_samples(activity: Activity) -> NDArray[np.float32]:
+    """Activity summed along a fall: PATH_BANDS in one frame and as many, PATH_DROP further down, in the next.
+
+    A drop at the height of the cameras, 2 m below its leak, passes 70 to 150 rows between two frames of the paper's
+    recording; what the next frame shows of it doubles what a sample holds. Samples as in `_samples`.
+    """
+    n, bands, width = activity.shape
+    fold = min(PATH_BANDS, bands)
+    kept = bands // fold
+    summed = activity[:, : kept * fold].reshape(n, kept, fold, width).sum(axis=2)
+    drop = min(PATH_DROP, kept - 1)
+    along = (summed[:-1, : kept - drop] + summed[1:, drop:]) / np.sqrt(2 * fold)
+    along -= along.mean(axis=0)
+    return cv2.filter2D(along.reshape(-1, width), -1, ACROSS).astype(np.float32, copy=False)
 
 
 def _signed_root(left: NDArray[np.float32], right: NDArray[np.float32]) -> NDArray[np.float32]:
