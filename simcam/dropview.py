@@ -86,11 +86,12 @@ def _looked_up(
     """Static radiance (places, samples) along rays (places, samples, 3), darkened by the drop's own shadow."""
     shape = direction.shape[:2]
     surface = lit.look(_rows(origin_m), _rows(direction))
-    direct = lit.direct_radiance(surface, 1)
+    by_source = lit.source_radiance(surface, 1)
+    radiance = by_source[: len(lit.lamps)].sum(axis=0) + lit.bounced_radiance(surface)
     drops_m = np.repeat(centre_m, shape[1], axis=0)
-    for lamp, light in zip(lit.lamps, direct, strict=True):
-        light *= 1 - own_shadow(surface, np.asarray(lamp.position_m), lamp.radius_m, drops_m, drop_radius_m)
-    return (direct.sum(axis=0) + lit.bounced_radiance(surface)).reshape(shape)
+    for source, light in zip(lit.sources, by_source, strict=True):
+        radiance -= light * own_shadow(surface, np.asarray(source.position_m), source.radius_m, drops_m, drop_radius_m)
+    return radiance.reshape(shape)
 
 
 def own_shadow(

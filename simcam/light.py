@@ -4,6 +4,8 @@ A sphere of uniform radiance wholly above the horizon lights a matt surface exac
 E = I cos(theta) / d^2 (e.g. Siegel & Howell, Thermal Radiation Heat Transfer, view factor of sphere and disc element).
 """
 
+from typing import Protocol
+
 import numpy as np
 
 from simcam.lens import FloatArray
@@ -14,6 +16,20 @@ LAMP_SAMPLES = 16  # shadow rays per point and lamp for the camera's own picture
 GOLDEN_ANGLE_RAD = np.pi * (3 - np.sqrt(5))
 
 
+class ShadowSource(Protocol):
+    """Anything round that gives light: a lamp, or the patch of wall that it lights close behind it (`foot`)."""
+
+    @property
+    def position_m(self) -> tuple[float, float, float]:
+        """Its middle."""
+        ...
+
+    @property
+    def radius_m(self) -> float:
+        """Radius of the disc that a point sees."""
+        ...
+
+
 def open_irradiance(lamp: Lamp, points_m: FloatArray, normals: FloatArray) -> FloatArray:
     """Irradiance W/m^2 (n,) of a lamp at points (3, n) with normals (3, n), nothing in between."""
     x, y, z = (np.float32(place) - row for place, row in zip(lamp.position_m, points_m, strict=True))
@@ -22,7 +38,7 @@ def open_irradiance(lamp: Lamp, points_m: FloatArray, normals: FloatArray) -> Fl
     return np.float32(lamp.intensity_w_sr) * cosine_times_distance / (squared * np.sqrt(squared))
 
 
-def lamp_visibility(lamp: Lamp, surface: Surface, obstacles: Obstacles | None, samples: int) -> FloatArray:
+def lamp_visibility(lamp: ShadowSource, surface: Surface, obstacles: Obstacles | None, samples: int) -> FloatArray:
     """Share 0..1 (n,) of the lamp's disc that a surface's points see past the structure, by shadow rays.
 
     Only points whose view of the lamp passes a structure's bounding box are asked.
@@ -45,7 +61,7 @@ def lamp_visibility(lamp: Lamp, surface: Surface, obstacles: Obstacles | None, s
     return visible
 
 
-def _lamp_disc(lamp: Lamp, origins_m: FloatArray, samples: int) -> list[FloatArray]:
+def _lamp_disc(lamp: ShadowSource, origins_m: FloatArray, samples: int) -> list[FloatArray]:
     """Points (n, 3) on the lamp's disc that faces each origin, a sunflower of equal areas; 1 sample = the centre.
 
     Each origin turns the sunflower by its own angle, so that a penumbra is grained and not banded.
@@ -69,7 +85,7 @@ def _lamp_disc(lamp: Lamp, origins_m: FloatArray, samples: int) -> list[FloatArr
     ]
 
 
-def _passes_box(lamp: Lamp, points_m: FloatArray, box_m: FloatArray) -> FloatArray:
+def _passes_box(lamp: ShadowSource, points_m: FloatArray, box_m: FloatArray) -> FloatArray:
     """Slab test: does the segment from the point to the lamp's centre meet the box grown by the lamp's radius?"""
     enter = np.zeros(points_m.shape[1], np.float32)
     leave = np.ones(points_m.shape[1], np.float32)

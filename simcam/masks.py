@@ -66,7 +66,7 @@ def shadow_mask(scene: Scene, camera: Camera, recording: Recording, frame: int) 
     Float32 (height, width); 0 where structure hides the lamp anyway, and in a scene without drop shadows.
     """
     lit, view = light_scene(scene), static_view(scene, camera)
-    lamps_on = replace(view, direct=(view.direct > 0).astype(np.float32))
+    lamps_on = replace(view, by_source=(view.direct > 0).astype(np.float32))  # without the lamps' feet
     mask = np.zeros(view.radiance.size, np.float32)
     delays_s = recording.row_delays_s(camera.height_px)
     for leak in scene.leaks if scene.drop_shadows else ():

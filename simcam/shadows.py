@@ -1,9 +1,9 @@
 """Shadows of falling drops on wall, floor and structure, with the penumbra of a lamp of finite size.
 
-A pixel's point loses light while a drop passes between it and the lamp. Along a leak's line that depends on the drop's
-height alone, so per leak, lamp and view a pixel has four numbers: the height at which the drop crosses its line to the
-lamp, how fast it crosses, by how much it misses, and the ratio of the discs. A frame looks up the swept overlap
-(penumbra) between the heights at which its exposure opens and closes.
+A pixel's point loses light while a drop passes between it and a source: a lamp, or a lamp's foot (`foot`). Along a
+leak's line that depends on the drop's height alone, so per leak, source and view a pixel has four numbers: the height
+at which the drop crosses its line to the source, how fast it crosses, by how much it misses, and the ratio of the
+discs. A frame looks up the swept overlap (penumbra) between the heights at which its exposure opens and closes.
 Slow definition: the integral over the exposure of penumbra.blocked_share (tests/simcam/brute_force.py).
 """
 
@@ -14,9 +14,10 @@ import numpy as np
 
 from simcam.fall import GRAVITY_M_S2, fall_depth, fall_time
 from simcam.lens import FloatArray
+from simcam.light import ShadowSource
 from simcam.path import landing_m
 from simcam.penumbra import swept_overlap, table_row
-from simcam.scene import Lamp, Leak
+from simcam.scene import Leak
 from simcam.static import LitScene, StaticView
 from simcam.structures import IndexArray
 
@@ -28,7 +29,7 @@ JUMP = 8.0  # times the median step from pixel to pixel: the edge of structure
 
 @dataclass(frozen=True)
 class ShadowTable:
-    """Pixels that a leak's drops can shade from one lamp, by the depth of fall at which they do (all (n,), sorted).
+    """Pixels that a leak's drops can shade from one source, by the depth of fall at which they do (all (n,), sorted).
 
     pixel flat index and its row; depth_m below the leak at the darkest moment; reach_m half the depth over which it is
     shaded, widest_m its maximum; overlap_row in the table of `penumbra`; light: radiance lost per metre of fall at
@@ -46,28 +47,30 @@ class ShadowTable:
 
 
 def shadow_tables(lit: LitScene, view: StaticView, leak: Leak) -> list[ShadowTable]:
-    """Tables of one leak and view, of every lamp whose light its drops can take."""
-    tables = [shadow_table(lit, view, leak, index) for index in range(len(lit.lamps))]
+    """Tables of one leak and view, of every source of the view whose light the drops can take."""
+    tables = [shadow_table(lit, view, leak, index) for index in range(len(view.by_source))]
     return [table for table in tables if table is not None]
 
 
-def shadow_table(lit: LitScene, view: StaticView, leak: Leak, lamp_index: int) -> ShadowTable | None:
-    """Table of one leak, lamp and view; None when no pixel can be shaded.
+def shadow_table(lit: LitScene, view: StaticView, leak: Leak, source_index: int) -> ShadowTable | None:
+    """Table of one leak, source and view; None when no pixel can be shaded.
 
     A soft shadow is taken at the pixels' centres; one only a few pixels wide at several places, whose mean it is.
     """
-    lamp = lit.lamps[lamp_index]
-    pixel = _between_leak_and_lamp(view, leak, lamp)
-    pixel = pixel[view.direct[lamp_index, pixel] > 0]
+    source = lit.sources[source_index]
+    pixel = _between_leak_and_lamp(view, leak, source)
+    pixel = pixel[view.by_source[source_index, pixel] > 0]
     if pixel.size == 0:
         return None
     across_m, down_m = _pixel_steps(view, pixel)
-    places = _places_in_pixel(view, pixel, leak, lamp, across_m)
+    places = _places_in_pixel(view, pixel, leak, source, across_m)
     centre_m = view.points_m[:, pixel].astype(float)
     points_m = [centre_m + right * across_m + below * down_m for right in places for below in places]
-    radiance = view.direct[lamp_index, pixel] / np.float32(len(points_m))
+    radiance = view.by_source[source_index, pixel] / np.float32(len(points_m))
     spread = np.tile(pixel, len(points_m)), np.tile(radiance, len(points_m))
-    return _table(np.concatenate(points_m, axis=1), spread, leak, lamp, (view.radiance.shape[1], landing_m(lit, leak)))
+    return _table(
+        np.concatenate(points_m, axis=1), spread, leak, source, (view.radiance.shape[1], landing_m(lit, leak))
+    )
 
 
 def _pixel_steps(view: StaticView, pixel: IndexArray) -> tuple[FloatArray, FloatArray]:
@@ -87,11 +90,13 @@ def _pixel_steps(view: StaticView, pixel: IndexArray) -> tuple[FloatArray, Float
     return steps[0], steps[1]
 
 
-def _places_in_pixel(view: StaticView, pixel: IndexArray, leak: Leak, lamp: Lamp, across_m: FloatArray) -> FloatArray:
+def _places_in_pixel(
+    view: StaticView, pixel: IndexArray, leak: Leak, source: ShadowSource, across_m: FloatArray
+) -> FloatArray:
     """Offsets from the centre in px: so many that they lie closer than a third of the radius of the drop's shadow."""
-    away_m = np.hypot(*(view.points_m[:2, pixel] - np.array(lamp.position_m[:2], np.float32)[:, None])).max()
-    leak_m = max(float(np.hypot(leak.x_m - lamp.position_m[0], leak.y_m - lamp.position_m[1])), lamp.radius_m)
-    shadow_m = leak.drop_radius_m * away_m / leak_m + lamp.radius_m * max(away_m / leak_m - 1, 0)
+    away_m = np.hypot(*(view.points_m[:2, pixel] - np.array(source.position_m[:2], np.float32)[:, None])).max()
+    leak_m = max(float(np.hypot(leak.x_m - source.position_m[0], leak.y_m - source.position_m[1])), source.radius_m)
+    shadow_m = leak.drop_radius_m * away_m / leak_m + source.radius_m * max(away_m / leak_m - 1, 0)
     pixel_m = float(np.median(np.sqrt(np.sum(across_m * across_m, axis=0))))
     count = int(np.clip(np.ceil(PLACES_PER_RADIUS * pixel_m / shadow_m), 1, MAX_PLACES))
     return (np.arange(count) + 0.5) / count - 0.5
@@ -104,16 +109,20 @@ def _pixel_size(view: StaticView) -> float:
 
 
 def _table(
-    point_m: FloatArray, spread: tuple[IndexArray, FloatArray], leak: Leak, lamp: Lamp, landing: tuple[int, float]
+    point_m: FloatArray,
+    spread: tuple[IndexArray, FloatArray],
+    leak: Leak,
+    source: ShadowSource,
+    landing: tuple[int, float],
 ) -> ShadowTable | None:
-    """Table of points (3, n) with their pixels (n,) and shares of the pixels' direct radiance (n,)."""
+    """Table of points (3, n) with their pixels (n,) and shares of the pixels' radiance by the source (n,)."""
     (pixel, radiance), (width_px, landing_depth_m) = spread, landing
-    to_lamp = np.asarray(lamp.position_m)[:, None] - point_m
-    flat_m = np.hypot(to_lamp[0], to_lamp[1])
+    to_lamp = np.asarray(source.position_m)[:, None] - point_m
+    flat_m = np.maximum(np.hypot(to_lamp[0], to_lamp[1]), 1e-9)  # a point right below a lamp
     along = ((leak.x_m - point_m[0]) * to_lamp[0] + (leak.y_m - point_m[1]) * to_lamp[1]) / flat_m**2
     miss_m = ((leak.x_m - point_m[0]) * to_lamp[1] - (leak.y_m - point_m[1]) * to_lamp[0]) / flat_m
     cos_elevation = flat_m / np.sqrt(flat_m**2 + to_lamp[2] ** 2)
-    both_m = lamp.radius_m * np.maximum(along, 0) + leak.drop_radius_m  # radii in the plane of the drop
+    both_m = source.radius_m * np.maximum(along, 0) + leak.drop_radius_m  # radii in the plane of the drop
     depth_m = leak.z_m - (point_m[2] + along * to_lamp[2])
     reach_m = both_m / cos_elevation
     between = (along > 0) & (along < 1) & (np.abs(miss_m) < both_m)
@@ -129,19 +138,19 @@ def _table(
     return ShadowTable(pixel[kept], row, depth, reach, overlap_row, lost, landing_depth_m, float(reach.max()))
 
 
-def _between_leak_and_lamp(view: StaticView, leak: Leak, lamp: Lamp) -> IndexArray:
+def _between_leak_and_lamp(view: StaticView, leak: Leak, source: ShadowSource) -> IndexArray:
     """Pixels whose point lies near the vertical plane through lamp and leak, beyond the leak."""
-    lamp_x, lamp_y, _ = lamp.position_m
+    lamp_x, lamp_y, _ = source.position_m
     beyond = np.array([leak.x_m - lamp_x, leak.y_m - lamp_y])
     distance_m = float(np.hypot(*beyond))
-    if distance_m <= lamp.radius_m:  # a leak inside or above the lamp: every point has to be asked
+    if distance_m <= source.radius_m:  # a leak inside or above the lamp: every point has to be asked
         return np.arange(view.points_m.shape[1])
     ahead_x, ahead_y = (beyond / distance_m).astype(np.float32)
     x, y = view.points_m[0] - np.float32(lamp_x), view.points_m[1] - np.float32(lamp_y)
     ahead = x * ahead_x + y * ahead_y
     beside = np.abs(y * ahead_x - x * ahead_y)
     # similar triangles, with the widest penumbra that a point at distance `ahead` can be in
-    room = (leak.drop_radius_m * ahead + lamp.radius_m * (ahead - distance_m)) * 1.02 / distance_m
+    room = (leak.drop_radius_m * ahead + source.radius_m * (ahead - distance_m)) * 1.02 / distance_m
     room += np.float32(_pixel_size(view))
     return np.flatnonzero((beside < room) & (ahead > distance_m * 0.98 - 0.02))
 

@@ -10,15 +10,17 @@ import numpy as np
 
 from simcam.camera import Camera
 from simcam.content import ContentCache, content_key
+from simcam.foot import LampFoot, foot_irradiance, lamp_feet
 from simcam.lens import FloatArray
-from simcam.light import LAMP_SAMPLES, lamp_visibility, open_irradiance
+from simcam.light import LAMP_SAMPLES, ShadowSource, lamp_visibility, open_irradiance
 from simcam.radiosity import bounced_irradiance
 from simcam.scene import Lamp, Pedestal, Scene
 from simcam.structures import IndexArray
 from simcam.surface import STRUCTURE, MapReader, Obstacles, Surface, build_obstacles, trace
 
 CACHED_SCENES = 4
-CACHED_VIEWS = 6  # 19 MB each at 960 x 540 and one lamp
+CACHED_VIEWS = 6  # 21 MB each at 960 x 540 and one lamp with its foot
+FOOT_SAMPLES = 4  # shadow rays to a foot: what they say darkens a shadow, never the picture
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,10 +29,16 @@ class LitScene:
 
     pedestal: Pedestal
     lamps: tuple[Lamp, ...]
+    feet: tuple[LampFoot, ...]
     obstacles: Obstacles | None
     reflectance: MapReader
     bounced: MapReader
     ambient_w_m2: float  # bounced irradiance on structure: the walls' mean
+
+    @property
+    def sources(self) -> tuple[ShadowSource, ...]:
+        """Whose light drops shade: the lamps, then their feet."""
+        return self.lamps + self.feet
 
     def look(self, origins_m: FloatArray, directions: FloatArray) -> Surface:
         """First static surface along rays (3, n)."""
@@ -45,10 +53,30 @@ class LitScene:
             radiance[:] = lambert * open_irradiance(lamp, surface.points_m, surface.normals) * seen
         return direct
 
+    def foot_radiance(self, surface: Surface, samples: int) -> FloatArray:
+        """Radiance W m^-2 sr^-1 (feet, n) that each foot gives: a part of the bounced light, never more than that."""
+        light = np.zeros((len(self.feet), surface.kind.size), np.float32)
+        if not self.feet:
+            return light
+        for foot, irradiance in zip(self.feet, light, strict=True):
+            seen = lamp_visibility(foot, surface, self.obstacles, min(samples, FOOT_SAMPLES))
+            irradiance[:] = foot_irradiance(foot, surface.points_m, surface.normals) * seen
+        total = np.maximum(light.sum(axis=0), np.float32(1e-30))
+        share = np.minimum(self.bounced_irradiance(surface) / total, 1)
+        light *= self.reflectances(surface) / np.float32(np.pi) * share
+        return light
+
+    def source_radiance(self, surface: Surface, samples: int) -> FloatArray:
+        """Radiance W m^-2 sr^-1 (sources, n) that drops shade, by source."""
+        return np.concatenate([self.direct_radiance(surface, samples), self.foot_radiance(surface, samples)])
+
     def bounced_radiance(self, surface: Surface) -> FloatArray:
         """Radiance W m^-2 sr^-1 (n,) of light that came by way of other walls."""
-        irradiance = np.where(surface.kind == STRUCTURE, np.float32(self.ambient_w_m2), self.bounced.read(surface))
-        return self.reflectances(surface) * irradiance / np.float32(np.pi)
+        return self.reflectances(surface) * self.bounced_irradiance(surface) / np.float32(np.pi)
+
+    def bounced_irradiance(self, surface: Surface) -> FloatArray:
+        """Irradiance W/m^2 (n,) by way of other walls."""
+        return np.where(surface.kind == STRUCTURE, np.float32(self.ambient_w_m2), self.bounced.read(surface))
 
     def reflectances(self, surface: Surface) -> FloatArray:
         """Diffuse reflectance (n,) of the surface's points."""
@@ -63,14 +91,21 @@ class LitScene:
 class StaticView:
     """One camera's static layer, pixels in rows: radiances W m^-2 sr^-1, places in world metres, all float32.
 
-    radiance (height, width); direct (lamps, height * width), without lamps seen directly; points_m (3, height * width);
-    range_m (height, width) along the pixel's ray.
+    radiance (height, width); by_source (sources, height * width): what of it drops can shade, lamps first, then their
+    feet, 0 where a lamp is seen directly; n_lamps; points_m (3, height * width); range_m (height, width) along the
+    pixel's ray.
     """
 
     radiance: FloatArray
-    direct: FloatArray
+    by_source: FloatArray
+    n_lamps: int
     points_m: FloatArray
     range_m: FloatArray
+
+    @property
+    def direct(self) -> FloatArray:
+        """Radiance (lamps, height * width) of the lamps' direct light."""
+        return self.by_source[: self.n_lamps]
 
 
 _scenes: ContentCache[LitScene] = ContentCache(CACHED_SCENES)
@@ -106,6 +141,7 @@ def _light_scene(scene: Scene) -> LitScene:
     return LitScene(
         pedestal,
         scene.lamps,
+        lamp_feet(pedestal, scene.lamps, reflectance) if scene.bounces else (),
         build_obstacles(scene.structures),
         reflectance,
         MapReader(pedestal, bounced),
@@ -122,15 +158,15 @@ def cast_view(lit: LitScene, camera: Camera) -> StaticView:
         raise ValueError("the lens folds inside the image: no ray meets some pixels; use a weaker distortion")
     origin_m = camera.centre_world_m.astype(np.float32)[:, None]
     surface = lit.look(origin_m, directions)
-    direct = lit.direct_radiance(surface, LAMP_SAMPLES)
-    radiance = direct.sum(axis=0) + lit.bounced_radiance(surface)
+    by_source = lit.source_radiance(surface, LAMP_SAMPLES)
+    radiance = by_source[: len(lit.lamps)].sum(axis=0) + lit.bounced_radiance(surface)
     range_m = surface.distance_m.copy()
     for lamp in lit.lamps:
         seen, lamp_range_m = _sees_lamp(lamp, origin_m, directions, range_m)
         radiance[seen], range_m[seen] = lamp.radiance_w_m2_sr, lamp_range_m
-        direct[:, seen] = 0
+        by_source[:, seen] = 0
     shape = (camera.height_px, camera.width_px)
-    return StaticView(radiance.reshape(shape), direct, surface.points_m, range_m.reshape(shape))
+    return StaticView(radiance.reshape(shape), by_source, len(lit.lamps), surface.points_m, range_m.reshape(shape))
 
 
 def _sees_lamp(

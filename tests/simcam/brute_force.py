@@ -49,11 +49,11 @@ class BruteForce:
         radiance = view.radiance.astype(float).ravel()
         drops = list(self.falling(time_s))
         for centre_m, radius_m in drops if self.scene.drop_shadows else ():
-            for lamp, direct in zip(self.lit.lamps, view.direct, strict=True):
+            for source, light in zip(self.lit.sources, view.by_source, strict=True):
                 for surface in self.places:
                     drops_m = np.repeat(centre_m[None], surface.kind.size, axis=0)
-                    share = own_shadow(surface, np.array(lamp.position_m), lamp.radius_m, drops_m, radius_m)
-                    radiance -= direct * share / len(self.places)
+                    share = own_shadow(surface, np.array(source.position_m), source.radius_m, drops_m, radius_m)
+                    radiance -= light * share / len(self.places)
         image = radiance.reshape(view.radiance.shape)
         for centre_m, radius_m in drops:
             self._place(image, view, centre_m, radius_m)
@@ -106,12 +106,12 @@ class BruteForce:
         return total
 
     def _static(self, surface: Surface, centre_m, radius_m):
-        direct = self.lit.direct_radiance(surface, 1)
+        by_source = self.lit.source_radiance(surface, 1)
+        radiance = by_source[: len(self.lit.lamps)].sum(axis=0) + self.lit.bounced_radiance(surface)
         drops_m = np.repeat(centre_m[None], surface.kind.size, axis=0)
-        shade = [
-            own_shadow(surface, np.array(lamp.position_m), lamp.radius_m, drops_m, radius_m) for lamp in self.lit.lamps
-        ]
-        return (direct * (1 - np.array(shade).reshape(direct.shape))).sum(axis=0) + self.lit.bounced_radiance(surface)
+        for source, light in zip(self.lit.sources, by_source, strict=True):
+            radiance -= light * own_shadow(surface, np.array(source.position_m), source.radius_m, drops_m, radius_m)
+        return radiance
 
     def _box(self, centre_m, radius_m):
         """Rows and columns of the pixels that the drop may touch."""
