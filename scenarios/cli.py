@@ -7,7 +7,7 @@ from typing import Any
 import click
 
 from scenarios.cli_bench import bench, explain
-from scenarios.cli_locate import locate
+from scenarios.cli_locate import inspect, locate
 from scenarios.cli_options import FILE, FOLDER, SEED, FiniteRange, clear_errors, scenario_options
 from scenarios.clip_folder import verify_clip, write_clip
 from scenarios.output_folder import check_new, check_replaceable, creating, replacing
@@ -164,4 +164,5 @@ def _summary(scenario: Scenario, source: str) -> str:
 
 main.add_command(bench)
 main.add_command(explain)
+main.add_command(inspect)
 main.add_command(locate)

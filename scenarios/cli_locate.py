@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,7 +11,9 @@ import click
 
 from scenarios.cli_options import FILE, FiniteRange, clear_errors
 from scenarios.clip_folder import has_manifest, verify_input
+from scenarios.condition import condition_table
 from scenarios.output_folder import OutputError, check_target, write_file
+from scenarios.score import nulled
 
 if TYPE_CHECKING:
     from leakloc import Clip, Estimate
@@ -68,6 +71,22 @@ def locate(paths: tuple[Path, ...], **options: Any) -> None:
     if options["destination"] is not None:
         _write_result(estimate, options["destination"])
     _echo(estimate)
+
+
+@click.command()
+@click.argument("paths", metavar="CLIP | LEFT RIGHT", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("--rig", "rigs", multiple=True, type=FILE, help="Calibration of LEFT RIGHT.")
+@click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
+@clear_errors
+def inspect(paths: tuple[Path, ...], rigs: tuple[Path, ...], *, as_json: bool) -> None:
+    """Say what ails a clip: cameras, frames, step between the views, tilt of the rig, and every line that was seen."""
+    import leakloc
+
+    views = _views(paths, {"rigs": rigs, "pans": None})
+    if len(views) != 1:
+        raise click.UsageError("one clip, or LEFT and RIGHT with --rig, can be inspected at a time")
+    found = leakloc.locate(views[0].left, views[0].right, views[0].rig, method="robust")
+    click.echo(json.dumps(nulled(dict(found.diagnostics)), indent=1) if as_json else condition_table(found.diagnostics))
 
 
 def _views(paths: tuple[Path, ...], options: dict[str, Any]) -> list[Clip]:

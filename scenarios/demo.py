@@ -11,7 +11,7 @@ from scenarios.progress import stages
 from scenarios.report import Located, positions, report_html
 from scenarios.scenario_file import read_scenario
 from scenarios.score import score, table
-from scenarios.simulate import simulate
+from scenarios.simulate import SimulatedClip, simulate
 
 SCENARIO = "separated"
 
@@ -24,13 +24,18 @@ def run_demo(
         stage("simulate the clip")
         clip = simulate(read_scenario(SCENARIO, seed=seed))
         stage("locate the leaks")
-        estimate = leakloc.locate(clip.left, clip.right, clip.believed_rig)
-        scored = score(positions(estimate), clip.truth)
+        methods = [_located(clip, method) for method in leakloc.METHODS]
         stage("write the report")
-        write_file(folder / "report.html", report_html(Located(clip, estimate, scored)))
-        leakloc.write_result(estimate, folder / "result.json")
+        write_file(folder / "report.html", report_html(methods))
+        leakloc.write_result(methods[0].estimate, folder / "result.json")
         stage("write the clip")
         write_clip(clip, folder / "clip", creating)
         stage("done")
         write_json(folder / "demo.json", {"made_by": made_by(), "seed": clip.scenario.seed})
-    return f"{table(scored, clip.truth)}\n\nreport: {destination / 'report.html'}"
+    tables = [f"method {one.estimate.method}\n{table(one.scored, clip.truth)}\n" for one in methods]
+    return "\n".join([*tables, f"report: {destination / 'report.html'}"])
+
+
+def _located(clip: SimulatedClip, method: str) -> Located:
+    estimate = leakloc.locate(clip.left, clip.right, clip.believed_rig, method=method)
+    return Located(clip, estimate, score(positions(estimate), clip.truth))

@@ -11,6 +11,7 @@ import numpy as np
 from leakloc import Clip, Estimate, LeakEstimate
 from leakloc.background import temporal_median
 from scenarios import figures
+from scenarios.condition import condition_table
 from scenarios.score import Pair, Score, table
 from scenarios.simulate import SimulatedClip
 from scenarios.truth import Truth
@@ -27,20 +28,41 @@ class Located:
     scored: Score
 
 
-def report_html(located: Located) -> str:
-    """Return the whole page; the same clip and estimate give the same bytes."""
-    clip, scored = located.clip, located.scored
+def report_html(methods: Sequence[Located]) -> str:
+    """Return the page of one clip and what one or more methods made of it; the same input gives the same bytes."""
+    first, clip = methods[0], methods[0].clip
     title = f"Leak localisation: {clip.scenario.name or 'scenario'}"
     sections = [
         f"<h1>{escape(title)}</h1>",
-        _lead(located),
-        f'<h2>Top view</h2><div class="side">{_top_view(located)}{_leak_table(located)}</div>',
+        f'<p class="quiet">{escape(clip.scenario.description)}. Found means within max(0.3 m, 3 px of disparity) of '
+        "the truth.</p>",
+        *(_method(located) for located in methods),
         _frames(clip.left, clip.right),
-        _profiles((clip.left, clip.right), located.estimate, clip.truth),
-        f"<h2>Score</h2><pre>{escape(table(scored, clip.truth))}</pre>",
+        _profiles((clip.left, clip.right), first.estimate, clip.truth),
+        *(_score(located) for located in methods),
+        _condition(first.estimate),
         _settings(clip),
     ]
     return page(title, sections)
+
+
+def _method(located: Located) -> str:
+    return (
+        f"<h2>Method: {escape(located.estimate.method)}</h2>{_lead(located)}"
+        f'<div class="side">{_top_view(located)}{_leak_table(located)}</div>'
+    )
+
+
+def _score(located: Located) -> str:
+    text = escape(table(located.scored, located.clip.truth))
+    return f"<h2>Score of the method {escape(located.estimate.method)}</h2><pre>{text}</pre>"
+
+
+def _condition(estimate: Estimate) -> str:
+    """What the robust method says of the clip's condition; nothing for methods that say nothing of it."""
+    if "condition" not in estimate.diagnostics:
+        return ""
+    return f"<h2>Condition of the clip</h2><pre>{escape(condition_table(estimate.diagnostics))}</pre>"
 
 
 def estimate_html(name: str, footage: Clip, estimate: Estimate) -> str:
@@ -54,6 +76,7 @@ def estimate_html(name: str, footage: Clip, estimate: Estimate) -> str:
         f"{_estimate_table(estimate)}</div>",
         _frames(footage.left, footage.right),
         _profiles((footage.left, footage.right), estimate, None),
+        _condition(estimate),
     ]
     return page(title, sections)
 
@@ -77,8 +100,6 @@ def _lead(located: Located) -> str:
         f'<p class="lead">{gated.observable.found} of {gated.observable.of} observable leaks found '
         f"({gated.all.found} of {gated.all.of} of all, {gated.in_view.found} of {gated.in_view.of} in view), "
         f"{error}, {false}.</p>"
-        f'<p class="quiet">Method: {escape(located.estimate.method)}. {escape(located.clip.scenario.description)}. '
-        "Found means within max(0.3 m, 3 px of disparity) of the truth.</p>"
     )
 
 

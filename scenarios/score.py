@@ -122,14 +122,15 @@ def _rate(found: set[int], counted: list[int]) -> Rate:
 
 def as_json(result: Score) -> dict[str, Any]:
     """Return the score as plain data; undefined is null."""
-    return {rule: _nulled(asdict(getattr(result, rule))) for rule in ("gated", "paper_rule")}
+    return {rule: nulled(asdict(getattr(result, rule))) for rule in ("gated", "paper_rule")}
 
 
-def _nulled(value: Any) -> Any:
+def nulled(value: Any) -> Any:
+    """Return plain data with every number that is not finite as None: undefined is null."""
     if isinstance(value, dict):
-        return {key: _nulled(item) for key, item in value.items()}
+        return {key: nulled(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_nulled(item) for item in value]
+        return [nulled(item) for item in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 

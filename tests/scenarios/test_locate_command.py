@@ -74,6 +74,17 @@ def test_a_call_that_cannot_be_meant_is_refused(clip, arguments, words):
     assert "Traceback" not in result.output
 
 
+def test_inspect_says_how_the_rig_stands_and_what_was_seen(tmp_path):
+    tilted = [*SMALL, "--set", "rig.roll_deg=1.5", "--set", "rig.pitch_deg=1.0"]
+    assert run("simulate", "crowded_4", "-o", tmp_path / "clip", *tilted).exit_code == 0
+    said = run("inspect", tmp_path / "clip")
+    assert said.exit_code == 0, said.output
+    assert "the views are in step" in said.output
+    levelling = json.loads(run("inspect", tmp_path / "clip", "--json").output)["levelling"]
+    assert levelling["roll_deg"] == pytest.approx(1.5, abs=0.3)
+    assert levelling["pitch_deg"] == pytest.approx(1.0, abs=0.5)
+
+
 def test_a_page_of_pictures_is_written(clip, tmp_path):
     assert run("locate", clip, "--figure", tmp_path / "found.html").exit_code == 0
     page = (tmp_path / "found.html").read_text()
