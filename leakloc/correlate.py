@@ -24,6 +24,7 @@ FOLDS = (
 )  # bands summed before the product: short exposures leave short streaks, long ones gain from the longer sum
 PATH_BANDS, PATH_DROP = 3, 2  # bands of a sample, and its fall to the next frame in such samples
 ACROSS = np.array([[0.25, 0.5, 0.25]], np.float32)  # a drop's image is some columns wide
+NEARLY_ONE = 0.9999995
 LEAST_ENERGY = 0.2  # of a sample's noise: a dead column must not turn rounding into certainty
 LEAST_NOISY_COLUMNS = 30  # of those looked at: fewer cannot say how unrelated columns scatter
 SCALE_STEP = 3  # every third pair of columns is enough to measure how unrelated ones scatter
@@ -114,8 +115,12 @@ def _path_samples(activity: Activity) -> NDArray[np.float32]:
 def _signed_root(left: NDArray[np.float32], right: NDArray[np.float32]) -> NDArray[np.float32]:
     energies = [np.einsum("sj,sj->j", samples, samples) for samples in (left, right)]
     norms = [np.sqrt(np.maximum(energy, LEAST_ENERGY * len(left))) for energy in energies]
-    rho = np.clip((left / norms[0]).T @ (right / norms[1]), -0.999999, 0.999999)
-    root = np.sign(rho) * np.sqrt(-len(left) * np.log1p(-(rho**2)))
+    rho = (left / norms[0]).T @ (right / norms[1])
+    root = np.clip(rho, -NEARLY_ONE, NEARLY_ONE)  # in place from here on: memory traffic is the cost
+    np.multiply(root, root, out=root)
+    np.log(np.subtract(1, root, out=root), out=root)
+    np.sqrt(np.multiply(root, -len(left), out=root), out=root)
+    np.copysign(root, rho, out=root)
     noisy = [np.flatnonzero(energy > LEAST_ENERGY * len(left))[::SCALE_STEP] for energy in energies]
     if min(map(len, noisy)) < LEAST_NOISY_COLUMNS:
         return np.asarray(root)

@@ -25,8 +25,10 @@ AS_GOOD = 0.995  # of the best efficacy: the widest limit that has it keeps stro
 NOISE_FLOOR_GREY = 0.3  # what rounding to whole grey leaves of a noise-free pixel
 ROUNDING_GREY = 12**-0.5  # standard deviation of rounding to whole grey
 BRIGHTNESS_BINS = 8
-NOISE_STEP_PX = 5  # every fifth row and column is enough to measure the noise
-TILE_PX = 32  # columns that share one noise scale
+NOISE_STEP_PX = 7  # every seventh row and column is enough to measure the noise
+FLICKER_STEP_PX = 5
+TILE_PX = 32  # columns that share one noise scale,
+TILE_STEP_PX = 3  # and every how many of them are asked
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,10 +52,12 @@ def streaks(frames: Frames) -> Streaks:
     noise_grey, clip_bright = pixel_noise(frames, median.grey)
     sums, rows_px = band_sums(frames, *clip_limits(frames, median.grey, noise_grey, clip_bright))
     band_rows = rows_px[1] - rows_px[0] if len(rows_px) > 1 else 2 * rows_px[0] + 1
-    sums -= np.median(sums, axis=0)
+    sums -= temporal_median(sums).grey.astype(np.float32)
     scale = np.maximum(band_noise(sums), ROUNDING_GREY * np.sqrt(band_rows))
     sums /= scale
-    sums -= np.median(sums, axis=2, keepdims=True)  # lamps flicker and exposures drift for a whole row at once
+    sums -= np.median(
+        sums[:, :, ::FLICKER_STEP_PX], axis=2, keepdims=True
+    )  # lamps flicker and exposures drift for a whole row at once
     return Streaks(sums, (scale / band_rows).astype(np.float32), rows_px, float(np.median(noise_grey)))
 
 
@@ -135,7 +139,7 @@ def band_noise(sums: NDArray[np.float32]) -> NDArray[np.float32]:
     n, bands, width = sums.shape
     tiles = max(1, width // TILE_PX)
     used = tiles * (width // tiles)
-    tiled = np.abs(sums[:, :, :used]).reshape(n, bands, tiles, width // tiles)
+    tiled = np.abs(sums[:, :, :used]).reshape(n, bands, tiles, width // tiles)[..., ::TILE_STEP_PX]
     scale = 1.4826 * np.median(tiled.transpose(1, 2, 0, 3).reshape(bands, tiles, -1), axis=2)
     middles = (np.arange(tiles) + 0.5) * (width // tiles) - 0.5
     return np.stack([np.interp(np.arange(width), middles, row) for row in scale]).astype(np.float32)

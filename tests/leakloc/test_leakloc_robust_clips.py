@@ -1,5 +1,7 @@
 """The robust method on simulated clips: a few scenes with fixed seeds; the tables are in the deep tests."""
 
+from dataclasses import replace
+
 import pytest
 
 from leakloc import locate
@@ -26,3 +28,27 @@ def test_every_observable_leak_is_found_within_centimetres_and_none_is_invented(
 def test_a_clip_without_leaks_has_none(dose_rate_gy_h):
     _, estimate = scored("separated", 3, "layout.n_leaks=0", f"gamma.dose_rate_gy_h={dose_rate_gy_h}")
     assert estimate.leaks == ()
+
+
+def test_a_tilted_rig_is_levelled_by_its_streaks():
+    result, estimate = scored("separated", 8, "rig.roll_deg=-2.0", "rig.pitch_deg=1.5")
+    told = estimate.diagnostics["levelling"]
+    assert told["roll_deg"] == pytest.approx(-2.0, abs=0.15)
+    assert told["pitch_deg"] == pytest.approx(1.5, abs=0.15)
+    assert result.all.found == result.all.of == 3
+    assert result.worst_error_m < 0.03
+
+
+def test_a_pair_out_of_step_by_a_frame_is_told():
+    clip = simulate(read_scenario("separated", [], seed=8))
+    estimate = locate(clip.left[:-1], clip.right[1:], clip.believed_rig)
+    assert estimate.diagnostics["step"]["frames"] == -1
+
+
+def test_leaks_are_found_without_knowledge_of_lamp_and_wall():
+    clip = simulate(read_scenario("separated", [], seed=8))
+    blind = replace(clip.believed_rig, lamps=None, pedestal_radius=None)
+    estimate = locate(clip.left, clip.right, blind)
+    result = score([(leak.x_m, leak.y_m) for leak in estimate.leaks], clip.truth).gated
+    assert result.observable.found == result.observable.of == 3
+    assert result.false == ()
