@@ -45,7 +45,7 @@ def render_view(scene: Scene, camera: Camera, recording: Recording) -> FloatArra
         _Moving(
             leak,
             float(fall_time(landing_m(lit, leak))),
-            streak_table(lit, view, camera, leak),
+            streak_table(lit, view, camera, leak, recording.psf_sigma_px),
             shadow_tables(lit, view, leak) if scene.drop_shadows else [],
         )
         for leak in scene.leaks
@@ -54,9 +54,10 @@ def render_view(scene: Scene, camera: Camera, recording: Recording) -> FloatArra
     frames = np.repeat(still[None], recording.n_frames, axis=0)
     delays_s = recording.row_delays_s(camera.height_px)
     for frame in range(recording.n_frames):
-        change = _change(moving, still.size, recording.opens_s(frame) + delays_s, recording.closes_s(frame) + delays_s)
+        opens_s, closes_s = recording.opens_s(frame) + delays_s, recording.closes_s(frame) + delays_s
+        change = _change(moving, still.shape, (opens_s, closes_s), recording.psf_sigma_px)
         change *= np.float32(recording.responsivity)
-        frames[frame] += _blurred(change.reshape(still.shape), recording.psf_sigma_px)
+        frames[frame] += change
     return np.maximum(frames, 0, out=frames)
 
 
@@ -70,9 +71,27 @@ class _Moving:
     shadows: list[ShadowTable]
 
 
-def _change(moving: list[_Moving], size: int, opens_s: FloatArray, closes_s: FloatArray) -> FloatArray:
-    """What the drops add to a flat image (size,), radiance times seconds, in exposures (height,) per row."""
-    change = np.zeros(size, np.float32)
+def _change(
+    moving: list[_Moving], shape: tuple[int, ...], exposure: tuple[FloatArray, FloatArray], psf_sigma_px: float
+) -> FloatArray:
+    """What the drops add to an image (height, width), radiance times seconds, in exposures (height,) per row."""
+    opens_s, closes_s = exposure
+    drops = np.zeros(shape, np.float32)
+    shadows = np.zeros(shape, np.float32) if psf_sigma_px > 0 else drops
+    _expose(moving, (drops.reshape(-1), shadows.reshape(-1)), opens_s, closes_s)
+    if psf_sigma_px == 0:
+        return drops
+    across, down = (1, 0), (0, 1)  # the drops have their point-spread along the rows already
+    shadows = _blurred_along(shadows, psf_sigma_px, across)
+    shadows += drops
+    return _blurred_along(shadows, psf_sigma_px, down)
+
+
+def _expose(
+    moving: list[_Moving], images: tuple[FloatArray, FloatArray], opens_s: FloatArray, closes_s: FloatArray
+) -> None:
+    """Add drops and shadows, each to its flat image (height * width,), in place."""
+    drops, shadows = images
     first_s, last_s = opens_s.min(), closes_s.max()
     for leak in moving:
         released = leak.leak.drop_times_s
@@ -80,10 +99,17 @@ def _change(moving: list[_Moving], size: int, opens_s: FloatArray, closes_s: Flo
             opens, closes = opens_s - released_s, closes_s - released_s
             landed = np.minimum(closes, leak.fall_s)
             if leak.streak is not None:
-                expose_drop(change, leak.streak, np.maximum(opens, 0), np.maximum(landed, 0))
+                expose_drop(drops, leak.streak, np.maximum(opens, 0), np.maximum(landed, 0))
             for table in leak.shadows:
-                expose_shadow(change, table, opens, landed)
-    return change
+                expose_shadow(shadows, table, opens, landed)
+
+
+def _blurred_along(image: FloatArray, sigma_px: float, direction: tuple[int, int]) -> FloatArray:
+    """Gaussian blur along the rows (1, 0) or down the columns (0, 1)."""
+    spread = cv2.getGaussianKernel(2 * int(np.ceil(4 * sigma_px)) + 1, sigma_px, cv2.CV_32F)
+    still = np.ones((1, 1), np.float32)
+    kernels = [spread if along else still for along in direction]
+    return np.asarray(cv2.sepFilter2D(image, -1, kernels[0], kernels[1], borderType=cv2.BORDER_REPLICATE))
 
 
 def _blurred(image: FloatArray, sigma_px: float) -> FloatArray:

@@ -10,6 +10,7 @@ Slow definition: the integral over the exposure, and over the pixel's square, of
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import ndtr
 
 from simcam.camera import Camera
 from simcam.dropview import SAMPLES_ACROSS, Disc, disc_radiance, disc_strips, drop_glints, no_glints
@@ -22,6 +23,8 @@ from simcam.structures import IndexArray
 
 MIN_STRIPS, MAX_STRIPS = 24, 96
 STRIPS_PER_PX = 4.0  # a drop that hardly moves would show coarser strips as bands
+PSF_REACH_SIGMAS = 3.0
+CELLS_PER_PX = 8  # a glint stands within 1/16 px of its place
 NODES = 33  # places on the path where the optics are evaluated; between them they are interpolated
 
 
@@ -53,14 +56,21 @@ class _Swept:
     fall_s: FloatArray
 
 
-def streak_table(lit: LitScene, view: StaticView, camera: Camera, leak: Leak) -> StreakTable | None:
-    """Table of one leak in one view; None when its drops are never seen."""
+def streak_table(
+    lit: LitScene, view: StaticView, camera: Camera, leak: Leak, psf_sigma_px: float = 0.0
+) -> StreakTable | None:
+    """Table of one leak in one view; None when its drops are never seen.
+
+    The point-spread is that along the rows alone, and acts before light is collected by pixels, as a lens does: a glint
+    much narrower than a pixel would else stand in the middle of its pixel wherever it is. Down the columns the motion
+    has blurred it already, and the image may be blurred afterwards.
+    """
     path = drop_path(camera, leak, landing_m(lit, leak))
     if path is None:
         return None
     nodes, disc = _nodes(path), _disc(path, leak)
     lines = drop_lines(disc, disc_radiance(lit, nodes, leak.drop_radius_m, disc), drop_glints(lit, nodes))
-    return _table(view, camera, path, leak, lines)
+    return _table(view, camera, path, leak, (lines, psf_sigma_px))
 
 
 def coverage_table(lit: LitScene, view: StaticView, camera: Camera, leak: Leak) -> StreakTable | None:
@@ -71,7 +81,7 @@ def coverage_table(lit: LitScene, view: StaticView, camera: Camera, leak: Leak) 
     disc = _disc(path, leak)
     even = np.ones((NODES, len(disc.middle), SAMPLES_ACROSS))
     black = replace(view, radiance=np.zeros_like(view.radiance))
-    return _table(black, camera, path, leak, drop_lines(disc, even, no_glints(NODES)))
+    return _table(black, camera, path, leak, (drop_lines(disc, even, no_glints(NODES)), 0.0))
 
 
 def _nodes(path: DropPath) -> DropPath:
@@ -83,11 +93,13 @@ def _disc(path: DropPath, leak: Leak) -> Disc:
     return disc_strips(int(np.clip(np.ceil(STRIPS_PER_PX * height_px), MIN_STRIPS, MAX_STRIPS)))
 
 
-def _table(view: StaticView, camera: Camera, path: DropPath, leak: Leak, lines: Lines) -> StreakTable:
+def _table(view: StaticView, camera: Camera, path: DropPath, leak: Leak, spread: tuple[Lines, float]) -> StreakTable:
+    lines, psf_sigma_px = spread
     node_s = _nodes(path).fall_s
     first_row, crossing_s = _crossings(camera, path, leak.drop_radius_m, node_s, lines)
     swept = _swept(path, leak.drop_radius_m, node_s, lines, crossing_s)
-    return _light_table(view, path.at(swept.fall_s.mean(axis=1)), leak, lines, (first_row, crossing_s, swept))
+    timed = (first_row, crossing_s, swept)
+    return _light_table(view, path.at(swept.fall_s.mean(axis=1)), leak, (lines, psf_sigma_px), timed)
 
 
 def _crossings(
@@ -125,16 +137,24 @@ def _swept(path: DropPath, radius_m: float, node_s: FloatArray, lines: Lines, cr
 
 
 def _light_table(
-    view: StaticView, rows_path: DropPath, leak: Leak, lines: Lines, timed: tuple[int, FloatArray, _Swept]
+    view: StaticView,
+    rows_path: DropPath,
+    leak: Leak,
+    spread: tuple[Lines, float],
+    timed: tuple[int, FloatArray, _Swept],
 ) -> StreakTable:
-    first_row, crossing_s, swept = timed
+    (lines, psf_sigma_px), (first_row, crossing_s, swept) = spread, timed
     height, width = view.radiance.shape
-    first_column = np.floor(swept.left_px.min(axis=1) + 0.5).astype(int)
-    columns = int((np.ceil(swept.left_px + swept.width_px).max(axis=1) - first_column).max()) + 2
+    reach = int(np.ceil(PSF_REACH_SIGMAS * psf_sigma_px))
+    first_column = np.floor(swept.left_px.min(axis=1) + 0.5).astype(int) - reach
+    columns = int((np.ceil(swept.left_px + swept.width_px).max(axis=1) - first_column).max()) + 2 + reach
     column = first_column[:, None] + np.arange(columns)
     row = first_row + np.arange(len(first_column))[:, None]
     pixels = np.clip(row, 0, height - 1) * width + np.clip(column, 0, width - 1)
-    covered, light = _per_column(lines, swept, first_column, columns)
+    if psf_sigma_px > 0:
+        covered, light = _per_blurred_column(lines, swept, first_column, columns, psf_sigma_px)
+    else:
+        covered, light = _per_column(lines, swept, first_column[:, None] + np.arange(columns + 1) - 0.5)
     square_px = leak.drop_radius_m**2 * rows_path.right_px * rows_path.down_px[:, 1]
     light -= covered * view.radiance.reshape(-1)[pixels][:, None, :]
     in_front = rows_path.range_m[:, None] < view.range_m.reshape(-1)[pixels] + leak.drop_radius_m
@@ -144,19 +164,35 @@ def _light_table(
     return StreakTable(first_row, crossing_s, light.astype(np.float32), pixels, earliest_s, latest_s)
 
 
-def _per_column(lines: Lines, swept: _Swept, first_column: FloatArray, columns: int) -> tuple[FloatArray, FloatArray]:
-    """Area and light of each line (rows, lines, columns) over the pixels' columns, in units of the unit disc."""
-    borders = first_column[:, None] + np.arange(columns + 1) - 0.5
-    part = np.clip((borders[:, None, :] - swept.left_px[:, :, None]) / swept.width_px[:, :, None], 0, 1)
-    sample = np.minimum((part * SAMPLES_ACROSS).astype(int), SAMPLES_ACROSS - 1)
+def _per_blurred_column(
+    lines: Lines, swept: _Swept, first_column: IndexArray, columns: int, sigma_px: float
+) -> tuple[FloatArray, FloatArray]:
+    """The same after a Gaussian point-spread: cells of an eighth of a pixel, each shared out by the normal law."""
+    cells = np.arange(columns * CELLS_PER_PX + 1) / CELLS_PER_PX - 0.5
+    middles = (cells[1:] + cells[:-1]) / 2
+    borders = np.arange(columns + 1) - 0.5
+    shares = np.diff(ndtr((borders[None, :] - middles[:, None]) / sigma_px), axis=1)
+    covered, light = _per_column(lines, swept, first_column[:, None] + cells)
+    shares = shares.astype(np.float32)
+    return covered @ shares, light @ shares
+
+
+def _per_column(lines: Lines, swept: _Swept, borders: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Area and light of each line (rows, lines, columns) between borders (rows, columns + 1), px; unit disc."""
+    part = (borders[:, None, :] - swept.left_px[:, :, None]).astype(np.float32)
+    part *= (1 / swept.width_px[:, :, None]).astype(np.float32)
+    np.clip(part, 0, 1, out=part)
+    sample = np.minimum((part * SAMPLES_ACROSS).astype(np.int32), SAMPLES_ACROSS - 1)
     rest = part * SAMPLES_ACROSS - sample
     line = np.arange(part.shape[1])[None, :, None]
-    cumulated = np.zeros(part.shape)
+    cumulated = np.zeros_like(part)
+    table = lines.cumulated.astype(np.float32).reshape(-1)
+    samples, n_lines = lines.cumulated.shape[2], lines.cumulated.shape[1]
     for step, share in ((0, 1 - swept.weight), (1, swept.weight)):
-        node = swept.node[:, :, None] + step
-        here = lines.cumulated[node, line, sample]
-        cumulated += share[:, :, None] * (here + rest * (lines.cumulated[node, line, sample + 1] - here))
-    area = lines.area[0][None, :, None]  # the same at every place
+        place = ((swept.node[:, :, None] + step) * n_lines + line) * samples + sample
+        here = table[place]
+        cumulated += share[:, :, None].astype(np.float32) * (here + rest * (table[place + 1] - here))
+    area = lines.area[0].astype(np.float32)[None, :, None]  # the same at every place
     return area * np.diff(part, axis=2), np.diff(cumulated, axis=2)
 
 

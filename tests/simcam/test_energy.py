@@ -135,6 +135,21 @@ def test_a_point_spread_keeps_the_streaks_light():
     assert changes[1].max() < 0.5 * changes[0].max()
 
 
+@pytest.mark.parametrize("sigma_px", [0.5, 0.8])
+def test_behind_a_lens_a_streak_stands_where_its_drop_is_at_any_place_within_a_pixel(sigma_px):
+    # a black pedestal leaves the glints alone, a tenth of a pixel wide: without a lens they would stand on whole pixels
+    camera, recording = stereo_rig(lens=LENS).left, Recording(1, 12.0, 0.02, psf_sigma_px=sigma_px)
+    offsets_px = []
+    for step in range(8):
+        leak = Leak(0.0, 0.0017 * step, 0.3, 0.002, np.array([-FALL_S]))
+        scene = Scene(Pedestal(texture=UniformTexture(0.001)), (Lamp((-2.3, 0.0, 0.4), 0.02),), (leak,))
+        still = render_view(replace(scene, leaks=()), camera, recording)[0]
+        profile = (render_view(scene, camera, recording)[0].astype(float) - still).sum(axis=0)
+        column = np.sum(np.arange(profile.size) * profile) / profile.sum()
+        offsets_px.append(column - camera.project(np.array([0.0, leak.y_m, 0.0]))[0])
+    assert np.ptp(offsets_px) < 0.13  # cells of an eighth of a pixel; a third of a pixel and more without the lens
+
+
 def test_a_drop_is_seen_only_between_its_release_and_its_landing():
     camera, recording = stereo_rig(lens=LENS).left, Recording(1, 12.0, 0.02)
     low = Pedestal(height_m=1.0, texture=UniformTexture(0.3))  # the floor at -0.5 m: 0.32 s below the leak
