@@ -57,7 +57,7 @@ class RigTable(Model):
     right_pitch_deg: Degrees = Field(0.0, description="error of the right camera against the left")
     right_yaw_deg: Degrees = Field(0.0, description="error of the right camera against the left")
     distortion: Distortion = Field((0.0, 0.0, 0.0, 0.0, 0.0), description="Brown k1 k2 p1 p2 k3, both cameras")
-    psf_sigma_px: float = Field(0.6, ge=0.0, le=5.0, description="point-spread of lens and pixel, Gaussian")
+    psf_sigma_px: float = Field(0.5, ge=0.0, le=5.0, description="point-spread of lens and pixel, Gaussian")
     f_number: float = Field(2.0, ge=0.5, le=32.0)
     quantum_efficiency: float = Field(0.6, gt=0.0, le=1.0)
 
@@ -126,7 +126,7 @@ class LampTable(Model):
 
     position_m: Point = (-2.3, 0.0, 0.4)
     radius_m: float = Field(0.1, gt=0.0, le=1.0)
-    power_w: float = Field(170.0, gt=0.0, le=100_000.0)
+    power_w: float = Field(178.0, gt=0.0, le=100_000.0)
 
 
 class BoxTable(Model):
