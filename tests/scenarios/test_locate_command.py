@@ -98,4 +98,9 @@ def test_the_papers_other_subtractors_can_be_chosen(clip, tmp_path):
             "locate", clip, "--method", "paper", "--subtractor", subtractor, "-o", tmp_path / f"{subtractor}.json"
         )
         assert result.exit_code == 0, result.output
-    assert places(tmp_path / "median.json") != places(tmp_path / "mog2.json")
+    profiles = {
+        name: json.loads((tmp_path / f"{name}.json").read_text())["diagnostics"]["left"]["profile_grey"]
+        for name in ("median", "mean", "mog2")
+    }
+    assert profiles["median"] != profiles["mean"]
+    assert profiles["median"] != profiles["mog2"]
