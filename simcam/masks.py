@@ -8,32 +8,27 @@ from dataclasses import replace
 import numpy as np
 
 from simcam.camera import Camera
+from simcam.exposure import drop_exposures
 from simcam.fall import fall_depth, fall_time
 from simcam.lens import FloatArray
 from simcam.path import landing_m
 from simcam.recording import Recording
 from simcam.scene import Scene
-from simcam.shadows import expose_shadow, shadow_tables
+from simcam.shadows import expose_shadows, shadow_tables
 from simcam.static import light_scene, static_view
-from simcam.streaks import coverage_table, expose_drop
+from simcam.streaks import coverage_table, expose_drops
 
 
 def drop_mask(scene: Scene, camera: Camera, recording: Recording, frame: int) -> FloatArray:
     """Share 0..1 of pixel and exposure that drops cover, float32 (height, width); overlapping drops add."""
     lit, view = light_scene(scene), static_view(scene, camera)
     mask = np.zeros(view.radiance.size, np.float32)
-    delays_s = recording.row_delays_s(camera.height_px)
     for leak in scene.leaks:
         table = coverage_table(lit, view, camera, leak)
         if table is None:
             continue
         falling_s = float(fall_time(landing_m(lit, leak)))
-        for released_s in leak.drop_times_s:
-            opens, closes = (
-                np.clip(edge + delays_s - released_s, 0, falling_s)
-                for edge in (recording.opens_s(frame), recording.closes_s(frame))
-            )
-            expose_drop(mask, table, opens, closes)
+        expose_drops(mask, table, drop_exposures(recording, [frame], leak.drop_times_s, falling_s, view.radiance.shape))
     return (mask / np.float32(recording.exposure_s)).reshape(view.radiance.shape)
 
 
@@ -68,14 +63,9 @@ def shadow_mask(scene: Scene, camera: Camera, recording: Recording, frame: int) 
     lit, view = light_scene(scene), static_view(scene, camera)
     lamps_on = replace(view, by_source=(view.direct > 0).astype(np.float32))  # without the lamps' feet
     mask = np.zeros(view.radiance.size, np.float32)
-    delays_s = recording.row_delays_s(camera.height_px)
     for leak in scene.leaks if scene.drop_shadows else ():
         falling_s = float(fall_time(landing_m(lit, leak)))
+        exposures = drop_exposures(recording, [frame], leak.drop_times_s, falling_s, view.radiance.shape)
         for table in shadow_tables(lit, lamps_on, leak):
-            for released_s in leak.drop_times_s:
-                opens, closes = (
-                    np.clip(edge + delays_s - released_s, 0, falling_s)
-                    for edge in (recording.opens_s(frame), recording.closes_s(frame))
-                )
-                expose_shadow(mask, table, opens, closes)
+            expose_shadows(mask, table, exposures)
     return (-mask / np.float32(recording.exposure_s)).reshape(view.radiance.shape)

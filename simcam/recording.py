@@ -50,10 +50,10 @@ class Recording:
         """Exposure delay (height,) of every row against the frame's time; the image's middle has none."""
         return self.readout_s * ((np.arange(height_px) + 0.5) / height_px - 0.5)
 
-    def opens_s(self, frame: int) -> float:
+    def opens_s(self, frame: FloatArray | int) -> FloatArray:
         """Start of the exposure of a row without delay."""
-        return frame / self.fps - self.exposure_s / 2
+        return np.asarray(frame) / self.fps - self.exposure_s / 2
 
-    def closes_s(self, frame: int) -> float:
+    def closes_s(self, frame: FloatArray | int) -> FloatArray:
         """End of the exposure of a row without delay."""
-        return frame / self.fps + self.exposure_s / 2
+        return np.asarray(frame) / self.fps + self.exposure_s / 2

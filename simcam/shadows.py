@@ -8,10 +8,10 @@ Slow definition: the integral over the exposure of penumbra.blocked_share (tests
 """
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
+from simcam.exposure import Exposures
 from simcam.fall import GRAVITY_M_S2, fall_depth, fall_time
 from simcam.lens import FloatArray
 from simcam.light import ShadowSource
@@ -23,7 +23,9 @@ from simcam.structures import IndexArray
 
 PLACES_PER_RADIUS = 3.0  # of the shadow, in a pixel's square
 MAX_PLACES = 6  # along a side
+BATCH = 50_000  # pixels swept at a time: their arrays stay in the cache
 SLOW_STEPS = 12  # of the exposure in which a drop is released
+SOME_PIXELS = 500  # tell how far apart pixels are on the surface
 JUMP = 8.0  # times the median step from pixel to pixel: the edge of structure
 
 
@@ -62,10 +64,13 @@ def shadow_table(lit: LitScene, view: StaticView, leak: Leak, source_index: int)
     pixel = pixel[view.by_source[source_index, pixel] > 0]
     if pixel.size == 0:
         return None
-    across_m, down_m = _pixel_steps(view, pixel)
-    places = _places_in_pixel(view, pixel, leak, source, across_m)
     centre_m = view.points_m[:, pixel].astype(float)
-    points_m = [centre_m + right * across_m + below * down_m for right in places for below in places]
+    places = _places_in_pixel(view, pixel, leak, source)
+    if len(places) == 1:
+        points_m = [centre_m]
+    else:
+        across_m, down_m = _pixel_steps(view, pixel)
+        points_m = [centre_m + right * across_m + below * down_m for right in places for below in places]
     radiance = view.by_source[source_index, pixel] / np.float32(len(points_m))
     spread = np.tile(pixel, len(points_m)), np.tile(radiance, len(points_m))
     return _table(
@@ -90,22 +95,15 @@ def _pixel_steps(view: StaticView, pixel: IndexArray) -> tuple[FloatArray, Float
     return steps[0], steps[1]
 
 
-def _places_in_pixel(
-    view: StaticView, pixel: IndexArray, leak: Leak, source: ShadowSource, across_m: FloatArray
-) -> FloatArray:
+def _places_in_pixel(view: StaticView, pixel: IndexArray, leak: Leak, source: ShadowSource) -> FloatArray:
     """Offsets from the centre in px: so many that they lie closer than a third of the radius of the drop's shadow."""
     away_m = np.hypot(*(view.points_m[:2, pixel] - np.array(source.position_m[:2], np.float32)[:, None])).max()
     leak_m = max(float(np.hypot(leak.x_m - source.position_m[0], leak.y_m - source.position_m[1])), source.radius_m)
     shadow_m = leak.drop_radius_m * away_m / leak_m + source.radius_m * max(away_m / leak_m - 1, 0)
+    across_m, _ = _pixel_steps(view, pixel[:: max(1, len(pixel) // SOME_PIXELS)])
     pixel_m = float(np.median(np.sqrt(np.sum(across_m * across_m, axis=0))))
     count = int(np.clip(np.ceil(PLACES_PER_RADIUS * pixel_m / shadow_m), 1, MAX_PLACES))
     return (np.arange(count) + 0.5) / count - 0.5
-
-
-def _pixel_size(view: StaticView) -> float:
-    """Metres between the points of neighbouring pixels where they are far apart (95 %), on every eighth row."""
-    rows_m = view.points_m.reshape(3, *view.radiance.shape)[:, ::8]
-    return float(np.percentile(np.linalg.norm(np.diff(rows_m, axis=2), axis=0), 95))
 
 
 def _table(
@@ -151,41 +149,50 @@ def _between_leak_and_lamp(view: StaticView, leak: Leak, source: ShadowSource) -
     beside = np.abs(y * ahead_x - x * ahead_y)
     # similar triangles, with the widest penumbra that a point at distance `ahead` can be in
     room = (leak.drop_radius_m * ahead + source.radius_m * (ahead - distance_m)) * 1.02 / distance_m
-    room += np.float32(_pixel_size(view))
+    room += np.float32(view.pixel_m)
     return np.flatnonzero((beside < room) & (ahead > distance_m * 0.98 - 0.02))
 
 
-def expose_shadow(image: FloatArray, table: ShadowTable, opens_s: FloatArray, closes_s: FloatArray) -> None:
-    """Take one drop's shadow, radiance times seconds, from a flat image (height * width,) in place.
-
-    `opens_s`, `closes_s` (height,): the rows' exposure in time since the drop's release.
-    """
-    opens_s, closes_s = np.maximum(opens_s, 0), np.maximum(closes_s, 0)
-    if closes_s.max() <= 0:
-        return
+def expose_shadows(clip: FloatArray, table: ShadowTable, exposures: Exposures) -> None:
+    """Take drops' shadows, radiance times seconds, from a flat clip (frames * height * width,) in place."""
     # a sweep counts every depth alike, but a drop just released dwells near its leak: it is swept in short steps
     near_leak_m = 4 * table.widest_m
-    slow = table.depth_m[0] < near_leak_m and fall_depth(opens_s.min()) < near_leak_m
-    steps = SLOW_STEPS if slow else 1
-    edges = [opens_s + (closes_s - opens_s) * (step / steps) for step in range(steps + 1)]
-    depths = [np.minimum(fall_depth(edge_s), table.landing_m).astype(np.float32) for edge_s in edges]
-    for depth_open, depth_close in pairwise(depths):
-        _sweep(image, table, depth_open, depth_close)
+    near = (table.depth_m[0] < near_leak_m) & (fall_depth(exposures.opens_s.min(axis=1)) < near_leak_m)
+    _sweep(clip, table, exposures[~near])
+    _sweep(clip, table, _in_steps(exposures[near]))
 
 
-def _sweep(image: FloatArray, table: ShadowTable, depth_open: FloatArray, depth_close: FloatArray) -> None:
-    """Take the shadow while the drop falls between two depths (height,)."""
-    reach_m = table.widest_m
-    first, last = np.searchsorted(table.depth_m, (depth_open.min() - reach_m, depth_close.max() + reach_m))
-    if last <= first:
-        return
-    part = slice(first, last)
-    row, middle, reach = table.row[part], table.depth_m[part], table.reach_m[part]
-    ends = np.stack([depth_open[row], depth_close[row]])
-    travel = np.clip((ends - middle) / reach, -1, 1)
-    enters, leaves = swept_overlap(table.overlap_row[part], travel)
-    lost = table.light[part] * (leaves - enters) / _mean_speed(*(middle + travel * reach))
-    np.subtract.at(image, table.pixel[part], lost)  # a pixel may be there several times
+def _in_steps(exposures: Exposures) -> Exposures:
+    """Every exposure cut into SLOW_STEPS."""
+    edges_s = np.linspace(exposures.opens_s, exposures.closes_s, SLOW_STEPS + 1)
+    height = edges_s.shape[2]
+    first_pixel = np.tile(exposures.first_pixel, SLOW_STEPS)
+    return Exposures(edges_s[:-1].reshape(-1, height), edges_s[1:].reshape(-1, height), first_pixel)
+
+
+def _sweep(clip: FloatArray, table: ShadowTable, exposures: Exposures) -> None:
+    """Take the shadows of drops while they fall, a batch at a time."""
+    opens, closes = (
+        np.minimum(fall_depth(edge_s), table.landing_m).astype(np.float32)
+        for edge_s in (exposures.opens_s, exposures.closes_s)
+    )
+    first = np.searchsorted(table.depth_m, opens.min(axis=1) - table.widest_m)
+    last = np.searchsorted(table.depth_m, closes.max(axis=1) + table.widest_m)
+    batch = np.cumsum(last - first) // BATCH
+    for number in np.unique(batch):
+        drops = np.flatnonzero(batch == number)
+        place = np.concatenate([np.arange(first[drop], last[drop]) for drop in drops])
+        drop = np.concatenate([np.full(last[drop] - first[drop], drop) for drop in drops])
+        row, middle, reach = table.row[place], table.depth_m[place], table.reach_m[place]
+        travel = np.stack([opens[drop, row], closes[drop, row]])
+        travel -= middle
+        travel /= reach
+        np.clip(travel, -1, 1, out=travel)
+        enters, leaves = swept_overlap(table.overlap_row[place], travel)
+        leaves -= enters
+        leaves *= table.light[place]
+        leaves /= _mean_speed(*(middle + travel * reach))
+        np.subtract.at(clip, exposures.first_pixel[drop] + table.pixel[place], leaves)  # a pixel may be there twice
 
 
 def _mean_speed(enters_m: FloatArray, leaves_m: FloatArray) -> FloatArray:

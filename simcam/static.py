@@ -5,6 +5,7 @@ are kept by content for the life of the process, so a second clip with the same 
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -101,6 +102,12 @@ class StaticView:
     n_lamps: int
     points_m: FloatArray
     range_m: FloatArray
+
+    @cached_property
+    def pixel_m(self) -> float:
+        """Metres between the points of neighbouring pixels where they are far apart (95 %), on every eighth row."""
+        rows_m = self.points_m.reshape(3, *self.radiance.shape)[:, ::8]
+        return float(np.percentile(np.linalg.norm(np.diff(rows_m, axis=2), axis=0), 95))
 
     @property
     def direct(self) -> FloatArray:

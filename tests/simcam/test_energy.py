@@ -20,8 +20,9 @@ from simcam import (
     shadow_mask,
     stereo_rig,
 )
+from simcam.exposure import Exposures
 from simcam.static import light_scene, static_view
-from simcam.streaks import expose_drop, streak_table
+from simcam.streaks import expose_drops, streak_table
 
 PEDESTAL = Pedestal(texture=UniformTexture(0.3))
 LENS = Lens(70.0, 240, 160)
@@ -52,7 +53,8 @@ def test_a_streaks_light_does_not_depend_on_its_place_between_pixels(width_px):
             camera = shifted(stereo_rig(lens=LENS).left, columns_px, rows_px)
             table = streak_table(light_scene(scene), static_view(scene, camera), camera, leak)
             image = np.zeros(LENS.height_px * LENS.width_px, np.float32)
-            expose_drop(image, table, np.full(LENS.height_px, FALL_S - 0.01), np.full(LENS.height_px, FALL_S + 0.01))
+            opens = np.full((1, LENS.height_px), FALL_S - 0.01)
+            expose_drops(image, table, Exposures(opens, opens + 0.02, np.zeros(1, int)))
             light.append(image.sum(dtype=float))
     assert np.ptp(light) < 0.02 * abs(np.mean(light))
 

@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from simcam import Box, ImageTexture, Lamp, Leak, Lens, Pedestal, Recording, Scene, UniformTexture, stereo_rig
+from simcam.exposure import Exposures
 from simcam.foot import foot_irradiance, lamp_feet
 from simcam.light import open_irradiance
-from simcam.shadows import expose_shadow, shadow_table, shadow_tables
+from simcam.shadows import expose_shadows, shadow_table, shadow_tables
 from simcam.static import forget_static_layers, light_scene, static_view
 from simcam.surface import MapReader, Surface
 
@@ -90,7 +91,7 @@ def test_a_drop_takes_its_disc_of_a_foots_light_from_the_far_wall():
     fall_s = 0.2
     step_s = 0.001
     opens = np.full(272, fall_s - step_s)
-    expose_shadow(share, table, opens, opens + 2 * step_s)
+    expose_shadows(share, table, Exposures(opens[None], opens[None] + 2 * step_s, np.zeros(1, int)))
     share = -share.reshape(view.radiance.shape) / (2 * step_s)
     drop_m = np.array([1.0, 0.0, 0.6 - 9.81 * fall_s**2 / 2])
     # a wall point at place t along the line from it to the foot sees a blocked share that sums to pi (r / t_drop)^2
