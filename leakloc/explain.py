@@ -22,6 +22,7 @@ OUTSIDE, NO_MEETING, NOT_BRIGHT, DOUBLE = (
     "no bright part in both views",
     "the same as a leak",
 )
+AT_EDGE, GHOST = "at the edge of a view", "one column of each of two leaks"
 LEAST_DEPTH_M = 0.2
 BEYOND_WALL = 1.15  # of the pedestal's radius: lines that far out are still shadows on the wall
 WALL_PX = 1.5  # error of a line's disparity when it is asked whether it stands on the wall
@@ -29,6 +30,8 @@ DARK = -0.25  # polarity below which a line is dark for certain
 LEAST_GLINT_SIGMAS = 4.0
 SURE_GLINT_SIGMAS = 12.0  # a drop beside a shadow that also is where another leak throws one
 SAME_PX = 3.0
+EDGE_PX = 3.0  # from a view's edge a line is not seen whole
+GHOST_SHARE = 0.6  # of the significance of the leaks whose columns a ghost has
 SHADOW_PX, SHADOW_SPREADS = 2.0, 1.5  # how far a line may lie off the column predicted for a shadow
 
 
@@ -64,6 +67,9 @@ def explain_tracks(tracks: Sequence[Track], views: Sequence[Streaks], level: Lev
     for line in sorted(lines, key=lambda one: (_shadowy(one), not one.track.bright, -one.track.sigmas)):
         found = [v for v in verdicts if v.reason == LEAK]
         verdict = judge(line, views, level, rig)
+        if verdict.reason in (OUTSIDE, NOT_BRIGHT) and line.track.bright and line.on_wall:
+            line = replace(line, track=replace(line.track, bright=False), polarity=-1.0)
+            verdict = judge(line, views, level, rig)
         if verdict.reason == LEAK and any(_same(verdict, other) for other in found):
             verdict = replace(verdict, reason=SHADOW_OF_LEAK if _shadowy(line) else DOUBLE)
         if _faint(verdict) and any(_explains(leak, line.columns_px, level, rig) for leak in found):
@@ -75,11 +81,11 @@ def explain_tracks(tracks: Sequence[Track], views: Sequence[Streaks], level: Lev
 def understand(track: Track, views: Sequence[Streaks], level: LevelPair, rig: Rig) -> Line:
     """Polarity and place of a track."""
     columns_px = np.array([track.left_px, track.right_px], dtype=np.float64)
-    sides = (
-        [1.0] * 2 if track.bright else [polarity(v.activity, int(c)) for v, c in zip(views, columns_px, strict=True)]
-    )
+    side = float(np.mean([polarity(view.activity, int(c)) for view, c in zip(views, columns_px, strict=True)]))
     on_wall = stands_on_wall(columns_px, level, rig)
-    return Line(track, columns_px, level.places_of(columns_px[None])[0], float(np.mean(sides)), on_wall)
+    if on_wall and side < 0:  # the background of a busy shadow is dark: its pauses look bright
+        track = replace(track, bright=False)
+    return Line(track, columns_px, level.places_of(columns_px[None])[0], 1.0 if track.bright else side, on_wall)
 
 
 def may_meet(place_m: Array, level: LevelPair, rig: Rig) -> bool:
@@ -121,6 +127,8 @@ def judge(line: Line, views: Sequence[Streaks], level: LevelPair, rig: Rig) -> V
         return Verdict(line, OUTSIDE, fit)
     if together(fit.glint_sigmas[0], fit.glint_sigmas[1]) < LEAST_GLINT_SIGMAS:
         return Verdict(line, NOT_BRIGHT, fit)
+    if (np.minimum(fit.columns_px, level.image_size[0] - 1 - fit.columns_px) < EDGE_PX).any():
+        return Verdict(line, AT_EDGE, fit)
     return Verdict(line, LEAK, fit)
 
 
@@ -140,15 +148,29 @@ def _faint(verdict: Verdict) -> bool:
 
 
 def without_ghosts(verdicts: Sequence[Verdict], level: LevelPair, rig: Rig) -> list[Verdict]:
-    """Faint leaks that stand on the shadows of another are none: with several lamps shadows pair crosswise."""
+    """Leaks that others explain are none: faint ones on the shadows of one, and columns that belong to two.
+
+    With several lamps shadows pair crosswise, and drops that fall in step agree crosswise.
+    """
     leaks = [v for v in verdicts if v.reason == LEAK]
-    ghosts = {
+    shades = {
         id(weak)
         for weak in leaks
         for strong in leaks
         if strong is not weak and _faint(weak) and _explains(strong, weak.line.columns_px, level, rig)
     }
-    return [replace(v, reason=SHADOW_OF_LEAK) if id(v) in ghosts else v for v in verdicts]
+    ghosts = {id(weak) for weak in leaks if _is_crosswise(weak, leaks)}
+    return [
+        replace(v, reason=SHADOW_OF_LEAK) if id(v) in shades else replace(v, reason=GHOST) if id(v) in ghosts else v
+        for v in verdicts
+    ]
+
+
+def _is_crosswise(weak: Verdict, leaks: Sequence[Verdict]) -> bool:
+    """Whether either column is that of a leak, another one on each side, both much surer."""
+    sure = [v for v in leaks if weak.line.track.sigmas < GHOST_SHARE * v.line.track.sigmas]
+    taken = np.array([np.abs(v.columns_px - weak.columns_px) < SAME_PX for v in sure]).reshape(-1, 2)
+    return bool(taken.any(axis=0).all())
 
 
 def _explains(leak: Verdict, columns_px: Array, level: LevelPair, rig: Rig) -> bool:

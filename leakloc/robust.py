@@ -18,6 +18,7 @@ from leakloc.estimate import Estimate, LeakEstimate
 from leakloc.explain import BEYOND_WALL, LEAK, LEAST_DEPTH_M, Verdict, explain_tracks
 from leakloc.levelled import VIEWS, LevelPair, level_pair, levelled_frames
 from leakloc.levelling import Tilt, fit_tilt, no_tilt, search_tilt, track_slopes
+from leakloc.linefit import DROP_RADIUS_M
 from leakloc.rig import Array, Rig
 from leakloc.streaks import Streaks, streaks
 from leakloc.tilt import leaning_columns, level_under, tilted_rig, upright
@@ -25,7 +26,7 @@ from leakloc.tracks import Track, shared_tracks
 
 EDGE_PX = 3
 COUNT_STEP = 4
-SYSTEMATIC_PX = 0.2  # of a drop's column: where in the drop its glints stand depends on what it mirrors
+SYSTEMATIC_RADII = 0.065  # of a drop's column: what it shows of the walls is not known, and lies off its middle
 LEVEL_ROUNDS = 3
 LINE_REACH_M, LINE_POINTS = 1.0, 81  # of a plumb line above and below the cameras, to see where it crosses mid-row
 SETTLED_RAD = np.radians(0.03)  # half a pixel between the top and the bottom of an image of 1000 rows
@@ -132,7 +133,9 @@ def raw_columns(place_m: Array, rig: Rig) -> tuple[float, float]:
 def _leak(verdict: Verdict, level: LevelPair, rig: Rig) -> LeakEstimate:
     assert verdict.fit is not None
     columns_px = verdict.fit.columns_px
-    covariance = verdict.fit.covariance_px2 + SYSTEMATIC_PX**2 * np.eye(2)
+    place_m = level.places_of(columns_px[None])[0]
+    drop_px = DROP_RADIUS_M * level.focal_px / float(level.depths_m(place_m[None])[0])
+    covariance = verdict.fit.covariance_px2 * max(1.0, verdict.fit.chi2) + (SYSTEMATIC_RADII * drop_px) ** 2 * np.eye(2)
     slopes = np.stack(
         [
             (level.places_of((columns_px + step)[None])[0] - level.places_of((columns_px - step)[None])[0]) / 0.2
@@ -140,7 +143,6 @@ def _leak(verdict: Verdict, level: LevelPair, rig: Rig) -> LeakEstimate:
         ],
         axis=1,
     )
-    place_m = level.places_of(columns_px[None])[0]
     left_px, right_px = raw_columns(place_m, rig)
     return LeakEstimate(
         x_m=float(place_m[0]),
