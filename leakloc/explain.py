@@ -28,6 +28,7 @@ BEYOND_WALL = 1.15  # of the pedestal's radius: lines that far out are still sha
 WALL_PX = 1.5  # error of a line's disparity when it is asked whether it stands on the wall
 DARK = -0.25  # polarity below which a line is dark for certain
 LEAST_GLINT_SIGMAS = 4.0
+LEAST_GLINT_SHARE = 0.04  # of what the shadow beside takes: walls of a reflectance of 0.5 leave that
 SURE_GLINT_SIGMAS = 12.0  # a drop beside a shadow that also is where another leak throws one
 SAME_PX = 3.0
 EDGE_PX = 3.0  # from a view's edge a line is not seen whole
@@ -127,6 +128,8 @@ def judge(line: Line, views: Sequence[Streaks], level: LevelPair, rig: Rig) -> V
         return Verdict(line, OUTSIDE, fit)
     if together(fit.glint_sigmas[0], fit.glint_sigmas[1]) < LEAST_GLINT_SIGMAS:
         return Verdict(line, NOT_BRIGHT, fit)
+    if shadowy and fit.glint_shares.min() < LEAST_GLINT_SHARE:
+        return Verdict(line, SHADOW, fit)
     if (np.minimum(fit.columns_px, level.image_size[0] - 1 - fit.columns_px) < EDGE_PX).any():
         return Verdict(line, AT_EDGE, fit)
     return Verdict(line, LEAK, fit)

@@ -40,12 +40,14 @@ class Profile:
 class LineFit:
     """`columns_px` (2,) of the drop, `covariance_px2` (2, 2); `glint_sigmas` (2,): significance of the bright part.
 
-    `chi2` per sample.
+    `chi2` per sample; both uncertainties are already scaled by it where it is more than 1. `glint_shares` (2,): light
+    of the drop over what its strongest shadow in the window takes, inf without one.
     """
 
     columns_px: Array
     covariance_px2: Array
     glint_sigmas: Array
+    glint_shares: Array
     chi2: float
 
 
@@ -213,7 +215,9 @@ def fit_line(profiles: Sequence[Profile], start_px: Array, level: LevelPair, rig
     found = least_squares(problem.residuals, problem.start, bounds=bounds, max_nfev=20, ftol=1e-4, xtol=1e-4, gtol=1e-4)
     light, rest = zip(*(problem.amplitudes(found.x, view) for view in range(2)), strict=True)
     chi2 = float((np.concatenate(rest) ** 2).mean())
-    covariance = np.linalg.pinv(found.jac.T @ found.jac)[:2, :2]
+    poor = max(1.0, chi2)
+    covariance = np.linalg.pinv(found.jac.T @ found.jac)[:2, :2] * poor
     peak = float(gaussian(np.zeros(1), 0.0, BLUR_PX * np.sqrt(2))[0]) ** 0.5  # norm of a unit glint
-    glint_sigmas = np.array([a[0] * peak / p.sigma for a, p in zip(light, profiles, strict=True)])
-    return LineFit(found.x[:2], covariance, glint_sigmas, chi2)
+    glint_sigmas = np.array([a[0] * peak / p.sigma for a, p in zip(light, profiles, strict=True)]) / np.sqrt(poor)
+    taken = np.array([max(-a[1:].min(initial=0.0), 1e-9) for a in light])
+    return LineFit(found.x[:2], covariance, glint_sigmas, np.array([a[0] for a in light]) / taken, chi2)

@@ -135,7 +135,7 @@ def _leak(verdict: Verdict, level: LevelPair, rig: Rig) -> LeakEstimate:
     columns_px = verdict.fit.columns_px
     place_m = level.places_of(columns_px[None])[0]
     drop_px = DROP_RADIUS_M * level.focal_px / float(level.depths_m(place_m[None])[0])
-    covariance = verdict.fit.covariance_px2 * max(1.0, verdict.fit.chi2) + (SYSTEMATIC_RADII * drop_px) ** 2 * np.eye(2)
+    covariance = verdict.fit.covariance_px2 + (SYSTEMATIC_RADII * drop_px) ** 2 * np.eye(2)
     slopes = np.stack(
         [
             (level.places_of((columns_px + step)[None])[0] - level.places_of((columns_px - step)[None])[0]) / 0.2
