@@ -7,6 +7,7 @@ shared between the cameras, so whatever two columns have in common fell.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import cv2
@@ -14,22 +15,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
+from leakloc.fall import FallPath, fallen
 from leakloc.streaks import Activity, Streaks
 
 Array = NDArray[np.float64]
 
-FOLDS = (
-    1,
-    4,
-)  # bands summed before the product: short exposures leave short streaks, long ones gain from the longer sum
-PATH_BANDS, PATH_DROP = 3, 2  # bands of a sample, and its fall to the next frame in such samples
+FOLDS = (1, 4)  # bands summed before the product: short exposures leave short streaks, long ones gain by the longer sum
 ACROSS = np.array([[0.25, 0.5, 0.25]], np.float32)  # a drop's image is some columns wide
 NEARLY_ONE = 0.9999995
+STRONG_SIGMAS = 2.5  # below, the likelihood ratio's root is the correlation itself
 LEAST_ENERGY = 0.2  # of a sample's noise: a dead column must not turn rounding into certainty
 LEAST_NOISY_COLUMNS = 30  # of those looked at: fewer cannot say how unrelated columns scatter
 SCALE_STEP = 3  # every third pair of columns is enough to measure how unrelated ones scatter
 BRIGHT_FROM, BRIGHT_TO = 1.0, 4.0  # noise units of a band: nothing is left where shadows pass, little of a hit
-KINDS = 4  # looks at a pair that are nearly independent: two folds and a path, signed, and bright
+KINDS = 4  # looks at a pair that are nearly independent: two folds and two falls, which overlap, and bright ones
 MOST_STEP = 2  # frames that a stereo pair is believed to be out of step at most
 STEP_GAIN, STEP_SIGMAS = 1.3, 8.0  # over no step; of the best pair
 STEP_COLUMN_PX = 2  # a step is asked on every other column: lines are wider
@@ -48,19 +47,27 @@ class Agreement:
     bright: NDArray[np.float32]
 
 
-def agreement(left: Activity, right: Activity) -> Agreement:
-    """How surely left column i and right column j share activity: the best over the folds.
+def agreement(left: Activity, right: Activity, paths: Sequence[FallPath] = ()) -> Agreement:
+    """How surely left column i and right column j share activity: the best over the folds, and along paths of falls.
 
     For a correlation rho of N samples, -N log(1 - rho^2) is the likelihood ratio of "shared" against "unrelated",
     chi-squared of one degree of freedom (Anderson, Multivariate Statistical Analysis, 4.2); its signed root is held
     against its own scale over all pairs, nearly all of which are unrelated.
     """
     samples = [(_samples(left, fold), _samples(right, fold)) for fold in FOLDS]
-    samples.append((_path_samples(left), _path_samples(right)))
-    signed = np.maximum.reduce([_signed_root(*pair) for pair in samples])
+    samples += [(_samples(one, 1), _samples(other, 1)) for one, other in fallen((left, right), paths)]
     shining = [np.clip(activity, BRIGHT_FROM, BRIGHT_TO) for activity in (left, right)]
-    bright = np.maximum(*(_signed_root(*(_samples(activity, fold) for activity in shining)) for fold in FOLDS))
+    lit = [(_samples(shining[0], fold), _samples(shining[1], fold)) for fold in FOLDS]
+    with ThreadPoolExecutor(2) as threads:
+        signed, bright = threads.map(_best_root, (samples, lit))
     return Agreement(signed, bright)
+
+
+def _best_root(samples: Sequence[tuple[NDArray[np.float32], NDArray[np.float32]]]) -> NDArray[np.float32]:
+    best = _signed_root(*samples[0])
+    for pair in samples[1:]:
+        np.maximum(best, _signed_root(*pair), out=best)
+    return best
 
 
 def stereo_step(views: Sequence[Streaks]) -> dict[str, float]:
@@ -80,10 +87,10 @@ def stereo_step(views: Sequence[Streaks]) -> dict[str, float]:
     return {"frames": best if shifted else 0, "sigmas": tops[best], "sigmas_unshifted": tops[0]}
 
 
-def threshold_sigmas(n_pairs: int, expected_false: float) -> float:
+def threshold_sigmas(n_pairs: float | Array, expected_false: float) -> Array:
     """Significance that unrelated columns exceed `expected_false` times in n_pairs pairs, over all looks."""
-    trials = max(1.0, KINDS * n_pairs / CELL_PX**2)
-    return float(norm.isf(min(0.5, expected_false / trials)))
+    trials = np.maximum(1.0, KINDS * np.asarray(n_pairs) / CELL_PX**2)
+    return np.asarray(norm.isf(np.minimum(0.5, expected_false / trials)))
 
 
 def _samples(activity: Activity, fold: int) -> NDArray[np.float32]:
@@ -96,32 +103,16 @@ def _samples(activity: Activity, fold: int) -> NDArray[np.float32]:
     return cv2.filter2D(summed.reshape(n * kept, width), -1, ACROSS).astype(np.float32, copy=False)
 
 
-def _path_samples(activity: Activity) -> NDArray[np.float32]:
-    """Activity summed along a fall: PATH_BANDS in one frame and as many, PATH_DROP further down, in the next.
-
-    A drop at the height of the cameras, 2 m below its leak, passes 70 to 150 rows between two frames of the paper's
-    recording; what the next frame shows of it doubles what a sample holds. Samples as in `_samples`.
-    """
-    n, bands, width = activity.shape
-    fold = min(PATH_BANDS, bands)
-    kept = bands // fold
-    summed = activity[:, : kept * fold].reshape(n, kept, fold, width).sum(axis=2)
-    drop = min(PATH_DROP, kept - 1)
-    along = (summed[:-1, : kept - drop] + summed[1:, drop:]) / np.sqrt(2 * fold)
-    along -= along.mean(axis=0)
-    return cv2.filter2D(along.reshape(-1, width), -1, ACROSS).astype(np.float32, copy=False)
-
-
 def _signed_root(left: NDArray[np.float32], right: NDArray[np.float32]) -> NDArray[np.float32]:
+    n = len(left)
     energies = [np.einsum("sj,sj->j", samples, samples) for samples in (left, right)]
-    norms = [np.sqrt(np.maximum(energy, LEAST_ENERGY * len(left))) for energy in energies]
-    rho = (left / norms[0]).T @ (right / norms[1])
-    root = np.clip(rho, -NEARLY_ONE, NEARLY_ONE)  # in place from here on: memory traffic is the cost
-    np.multiply(root, root, out=root)
-    np.log(np.subtract(1, root, out=root), out=root)
-    np.sqrt(np.multiply(root, -len(left), out=root), out=root)
-    np.copysign(root, rho, out=root)
-    noisy = [np.flatnonzero(energy > LEAST_ENERGY * len(left))[::SCALE_STEP] for energy in energies]
-    if min(map(len, noisy)) < LEAST_NOISY_COLUMNS:
-        return np.asarray(root)
-    return np.asarray(root / (1.4826 * np.median(np.abs(root[np.ix_(*noisy)]))))
+    norms = [np.sqrt(np.maximum(energy, LEAST_ENERGY * n)) for energy in energies]
+    root = (left / norms[0]).T @ (right / norms[1])
+    root *= np.float32(np.sqrt(n))
+    strong = np.flatnonzero(np.abs(root) > STRONG_SIGMAS)
+    rho = np.clip(root.ravel()[strong] / np.sqrt(n), -NEARLY_ONE, NEARLY_ONE)
+    root.ravel()[strong] = np.copysign(np.sqrt(-n * np.log1p(-rho * rho)), rho)
+    noisy = [np.flatnonzero(energy > LEAST_ENERGY * n)[::SCALE_STEP] for energy in energies]
+    if min(map(len, noisy)) >= LEAST_NOISY_COLUMNS:
+        root /= np.float32(1.4826 * np.median(np.abs(root[np.ix_(*noisy)])))
+    return np.asarray(root)

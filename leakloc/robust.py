@@ -16,6 +16,7 @@ from leakloc.condition import alike_frames, describe_clip, row_offset
 from leakloc.correlate import agreement, stereo_step, threshold_sigmas
 from leakloc.estimate import Estimate, LeakEstimate
 from leakloc.explain import BEYOND_WALL, LEAK, LEAST_DEPTH_M, Verdict, explain_tracks
+from leakloc.fall import fall_paths
 from leakloc.levelled import VIEWS, LevelPair, level_pair, levelled_frames
 from leakloc.levelling import Tilt, fit_tilt, no_tilt, search_tilt, track_slopes
 from leakloc.linefit import DROP_RADIUS_M
@@ -25,7 +26,8 @@ from leakloc.tilt import leaning_columns, level_under, tilted_rig, upright
 from leakloc.tracks import Track, shared_tracks
 
 EDGE_PX = 3
-COUNT_STEP = 4
+COUNT_STEP = 4  # columns that share a threshold
+FARTHEST_M = 10.0  # ground beyond counts no more than there
 SYSTEMATIC_RADII = 0.065  # of a drop's column: what it shows of the walls is not known, and lies off its middle
 LEVEL_ROUNDS = 3
 LINE_REACH_M, LINE_POINTS = 1.0, 81  # of a plumb line above and below the cameras, to see where it crosses mid-row
@@ -47,7 +49,7 @@ def locate_robustly(left: Frames, right: Frames, rig: Rig, expected_false_leaks:
 
     Diagnostics: `condition` of each view (state, repeated_frames, exposure_jumps), `step` (frames that the right view
     lags, with its significance and that of none), `levelling` (roll and pitch against the believed pose, deg),
-    `row_offset` (rows that the right view shows drops lower), `threshold_sigmas`, `noise_grey`, and `lines`, each with
+    `row_offset` (rows that the right view shows drops lower), `threshold_sigmas` (of the far wall, the least), `noise_grey`, and `lines`, each with
     its columns, place, significance, polarity and `verdict`: "leak" or the reason why not.
     """
     believed = level_pair(rig)
@@ -57,7 +59,7 @@ def locate_robustly(left: Frames, right: Frames, rig: Rig, expected_false_leaks:
         leaning = list(
             threads.map(lambda view: streaks(levelled_frames((left, right)[view], believed, view)), range(len(VIEWS)))
         )
-    least = threshold_sigmas(meeting_pairs(believed, rig), expected_false_leaks)
+    least = pair_thresholds(believed, rig, expected_false_leaks)
     seen = shared_lines(leaning, believed, rig, least)
     verdicts = explain_tracks(seen.tracks, seen.views, seen.level, rig)
     standing = tilted_rig(rig, believed, seen.tilt.applied_rad)
@@ -66,15 +68,28 @@ def locate_robustly(left: Frames, right: Frames, rig: Rig, expected_false_leaks:
     return Estimate("robust", rig.frame, leaks, clip | _describe(seen, verdicts, least))
 
 
-def meeting_pairs(level: LevelPair, rig: Rig) -> int:
-    """How many pairs of columns meet ahead of the cameras and not far beyond the wall, from a coarse grid."""
-    columns = np.arange(0, level.image_size[0], COUNT_STEP, dtype=np.float64)
-    pairs = np.stack(np.meshgrid(columns, columns, indexing="ij"), axis=-1)
-    places_m = level.places_of(pairs)
-    meeting = level.depths_m(places_m) > LEAST_DEPTH_M
+def pair_thresholds(level: LevelPair, rig: Rig, expected_false_leaks: float) -> NDArray[np.float32]:
+    """Significance that a pair of columns (width, width) must have; infinite at the images' edges.
+
+    False leaks are spread evenly over the ground that both views see, not over the pairs of columns: most pairs meet
+    close to the cameras, where a square metre holds hundreds of times as many of them as at the far wall. A pair at
+    depth Z stands for Z^3 / (f^2 B) of ground per square pixel; pairs that meet nowhere share the mean.
+    """
+    width = level.image_size[0]
+    columns = np.arange(0, width, COUNT_STEP, dtype=np.float64)
+    places_m = level.places_of(np.stack(np.meshgrid(columns, columns, indexing="ij"), axis=-1))
+    depth_m = level.depths_m(places_m)
+    meeting = depth_m > LEAST_DEPTH_M
     if rig.pedestal_radius is not None and rig.world_from_left is not None:
         meeting &= np.hypot(places_m[..., 0], places_m[..., 1]) < BEYOND_WALL * rig.pedestal_radius
-    return COUNT_STEP**2 * int(meeting.sum())
+    depth_m = np.minimum(np.where(depth_m > LEAST_DEPTH_M, depth_m, np.inf), FARTHEST_M)
+    ground_m2 = depth_m**3 / (level.focal_px**2 * abs(level.baseline_m))
+    n_pairs = COUNT_STEP**2 * max(1, int(meeting.sum()))
+    whole_m2 = COUNT_STEP**2 * float(ground_m2[meeting].sum())
+    alike = np.where(meeting, whole_m2 / ground_m2, n_pairs)  # pairs, were all like this one
+    coarse = threshold_sigmas(alike, expected_false_leaks)
+    fine = np.repeat(np.repeat(coarse, COUNT_STEP, axis=0), COUNT_STEP, axis=1)[:width, :width]
+    return np.where(inner_pairs(width), fine, np.inf).astype(np.float32)
 
 
 def inner_pairs(width: int) -> NDArray[np.bool_]:
@@ -84,15 +99,17 @@ def inner_pairs(width: int) -> NDArray[np.bool_]:
     return inside[:, None] & inside[None, :]
 
 
-def shared_lines(leaning: list[Streaks], believed: LevelPair, rig: Rig, least_sigmas: float) -> Upright:
+def shared_lines(
+    leaning: list[Streaks], believed: LevelPair, rig: Rig, least_sigmas: NDArray[np.float32]
+) -> Upright:
     """Lines that both views share, with the rig levelled by them: search, match, measure how they lean, again."""
-    inner = inner_pairs(believed.image_size[0])
+    paths = fall_paths(leaning[0].rows_px, float(believed.principal_px[0, 1]), believed.focal_px)
     applied_rad = search_tilt(leaning, believed)
     tilt = no_tilt()
     for _ in range(LEVEL_ROUNDS):
         views = turned(leaning, believed, applied_rad)
-        agreed = agreement(views[0].activity, views[1].activity)
-        tracks = shared_tracks(agreed.signed, agreed.bright, inner, least_sigmas)
+        agreed = agreement(views[0].activity, views[1].activity, paths)
+        tracks = shared_tracks(agreed.signed, agreed.bright, least_sigmas)
         tilt = fit_tilt(track_slopes(tracks, views), believed, applied_rad, leaning[0].rows_px)
         wanted_rad = tilt.tilt_rad if tilt.significant else np.zeros(2)
         if np.abs(wanted_rad - applied_rad).max() < SETTLED_RAD:
@@ -155,9 +172,9 @@ def _leak(verdict: Verdict, level: LevelPair, rig: Rig) -> LeakEstimate:
     )
 
 
-def _describe(seen: Upright, verdicts: Sequence[Verdict], least: float) -> dict[str, Any]:
+def _describe(seen: Upright, verdicts: Sequence[Verdict], least: NDArray[np.float32]) -> dict[str, Any]:
     return {
-        "threshold_sigmas": least,
+        "threshold_sigmas": float(least.min()),
         "noise_grey": [view.noise_grey for view in seen.views],
         "levelling": seen.tilt.describe(),
         "row_offset": row_offset(seen.tracks, seen.views),

@@ -30,10 +30,10 @@ class Track:
     bright: bool = False
 
 
-def shared_tracks(signed: Sigmas, bright: Sigmas, allowed: NDArray[np.bool_], least_sigmas: float) -> list[Track]:
+def shared_tracks(signed: Sigmas, bright: Sigmas, least_sigmas: Sigmas) -> list[Track]:
     """Lines of either agreement: bright lines for themselves, since shadows that cover them in a view outshout them."""
-    shining = [replace(track, bright=True) for track in match_tracks(bright, allowed, BRIGHT_SHARE * least_sigmas)]
-    others = match_tracks(signed, allowed, least_sigmas)
+    shining = [replace(track, bright=True) for track in match_tracks(bright, np.float32(BRIGHT_SHARE) * least_sigmas)]
+    others = match_tracks(signed, least_sigmas)
     return shining + [track for track in others if not any(_same(track, known) for known in shining)]
 
 
@@ -48,25 +48,30 @@ def peaks(values: NDArray[np.floating], least: float, apart_px: int = APART_PX) 
     return np.flatnonzero((values > least) & (windows.argmax(axis=1) == apart_px))
 
 
-def match_tracks(sigmas: Sigmas, allowed: NDArray[np.bool_], least_sigmas: float) -> list[Track]:
+def match_tracks(sigmas: Sigmas, least_sigmas: Sigmas) -> list[Track]:
     """Pairs of columns at the greatest total likelihood, none used twice, strongest first.
 
-    Candidates are the peaks of each view's best agreement over `allowed` pairs (N lines would pair in N^2 ways); a pair
-    gains sigmas^2, and both columns staying single costs least_sigmas^2, so nothing below the threshold is matched.
+    Candidates are the peaks of each view's best agreement (N lines would pair in N^2 ways); a pair gains sigmas^2, and
+    both columns staying single costs least_sigmas^2, so nothing below the threshold, which is each pair's own, is
+    matched; where it is infinite, nothing is.
     """
-    held = np.where(allowed, sigmas, -np.inf).astype(np.float32)
-    left, right = peaks(held.max(axis=1), least_sigmas), peaks(held.max(axis=0), least_sigmas)
+    lowest = float(least_sigmas.min())
+    price = least_sigmas**2 - lowest**2  # over that of the pairs that come cheapest
+    held = np.where(sigmas > 0, sigmas, 0) ** 2 - price
+    held = np.sqrt(np.maximum(held, 0), out=held)
+    left, right = peaks(held.max(axis=1), lowest), peaks(held.max(axis=0), lowest)
     if not len(left) or not len(right):
         return []
     pairs = _best_near(held, left, right)
-    gain = np.where(pairs > least_sigmas, pairs.astype(np.float64) ** 2 - least_sigmas**2, 0.0)
+    gain = np.where(pairs > lowest, pairs.astype(np.float64) ** 2 - lowest**2, 0.0)
+    seen = np.sqrt(pairs.astype(np.float64) ** 2 + np.where(np.isfinite(price), price, 0)[np.ix_(left, right)])
     rows, columns = linear_sum_assignment(gain, maximize=True)
     tracks = []
     for i, j in zip(rows, columns, strict=True):
         if gain[i, j] > 0:
-            others = np.concatenate([np.delete(pairs[i], j), np.delete(pairs[:, j], i)])
+            others = np.concatenate([np.delete(seen[i], j), np.delete(seen[:, j], i)])
             runner_up = float(others.max(initial=-np.inf))
-            tracks.append(Track(int(left[i]), int(right[j]), float(pairs[i, j]), runner_up))
+            tracks.append(Track(int(left[i]), int(right[j]), float(seen[i, j]), runner_up))
     return sorted(tracks, key=lambda track: -track.sigmas)
 
 
