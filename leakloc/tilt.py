@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import cv2
@@ -63,16 +64,16 @@ def level_under(rig: Rig, believed: LevelPair, tilt_rad: Array) -> LevelPair:
 
 def _level_axes(believed: LevelPair, turn: Array) -> Array:
     """Axes of the level pair once the rig has turned: its right follows the baseline's horizontal part."""
-    right = turn @ believed.axes[0]
-    right = np.array([right[0], right[1], 0.0]) / np.hypot(right[0], right[1])
-    down = believed.axes[1]
-    return np.stack([right, down, np.cross(right, down)])
+    x, y, _ = turn @ believed.axes[0]
+    level = np.hypot(x, y)
+    x, y, down = x / level, y / level, believed.axes[1, 2]  # down is along z
+    return np.array([[x, y, 0.0], [0.0, 0.0, down], [y * down, -x * down, 0.0]])
 
 
 def _turn(level: LevelPair, tilt_rad: Array) -> Array:
     """Ry(pitch) Rx(roll) about the axes forward, left, up of the level pair, (3, 3) in the frame of the results."""
     roll, pitch = tilt_rad
     forward_left_up = np.stack([level.axes[2], -level.axes[0], -level.axes[1]], axis=1)
-    Rx = np.array([[1, 0, 0], [0, np.cos(roll), -np.sin(roll)], [0, np.sin(roll), np.cos(roll)]])
-    Ry = np.array([[np.cos(pitch), 0, np.sin(pitch)], [0, 1, 0], [-np.sin(pitch), 0, np.cos(pitch)]])
-    return np.asarray(forward_left_up @ Ry @ Rx @ forward_left_up.T)
+    (sr, cr), (sp, cp) = (math.sin(roll), math.cos(roll)), (math.sin(pitch), math.cos(pitch))
+    Ry_Rx = np.array([[cp, sp * sr, sp * cr], [0.0, cr, -sr], [-sp, cp * sr, cp * cr]])
+    return np.asarray(forward_left_up @ Ry_Rx @ forward_left_up.T)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from leakloc.glints import WATER_INDEX, glint_offsets
+from leakloc.glints import WATER_INDEX, glint_offsets, reflectance
 from leakloc.levelled import level_pair
 from leakloc.shadows import penumbra_m, shadow_places
 from leakloc.tilt import leaning_columns, level_under, tilted_rig
@@ -65,21 +65,45 @@ def test_roll_lifts_the_left_side_and_pitch_looks_down(make_rig):
     assert pitched.left_from_frame[2, 2] < 0  # the optical axis points below the horizon
 
 
+def glints_at(angle_rad, side=1.0):
+    lamp_m = 3.0 * np.array([np.cos(angle_rad), side * np.sin(angle_rad), 0.0])
+    return glint_offsets(np.array([3.0, 0, 0]), lamp_m, np.zeros(3), np.array([0.0, 1.0, 0.0]))
+
+
 @given(st.floats(0.05, 0.6), st.booleans())
 def test_the_glints_stand_on_opposite_sides_of_the_centre(angle_rad, mirrored):
     side = -1.0 if mirrored else 1.0
-    lamp_m = 3.0 * np.array([np.cos(angle_rad), side * np.sin(angle_rad), 0.0])
-    offsets, shares = glint_offsets(np.array([3.0, 0, 0]), lamp_m, np.zeros(3), np.array([0.0, 1.0, 0.0]))
-    assert side * offsets[0] == pytest.approx(np.sin(angle_rad / 2))
-    assert side * offsets[1] < 0
-    b = abs(offsets[1])
-    assert 4 * np.arcsin(b / WATER_INDEX) - 2 * np.arcsin(b) == pytest.approx(angle_rad, abs=1e-3)
-    assert shares.sum() == pytest.approx(1.0)
+    offsets, strengths = glints_at(angle_rad, side)
+    assert side * offsets[0] == pytest.approx(np.sin(angle_rad / 2), abs=1e-4)
+    for image in (1, 2):
+        b = -side * offsets[image]
+        assert b > 0
+        if strengths[image] > 0.1 * strengths[1]:
+            assert 4 * np.arcsin(b / WATER_INDEX) - 2 * np.arcsin(b) == pytest.approx(angle_rad, abs=3e-3)
+    assert (strengths >= 0).all()
+
+
+@given(st.floats(0.04, 0.5))
+def test_the_mirrored_glint_has_fresnels_share_of_a_quarter(angle_rad):
+    # a sphere that mirrors all light sends it evenly in all directions: pi r^2 / (4 pi) per solid angle
+    _, strengths = glints_at(angle_rad)
+    assert strengths[0] == pytest.approx(float(reflectance(np.array(angle_rad / 2))) / 4, rel=0.02)
+
+
+def test_near_backscatter_the_inner_glint_is_almost_four_times_the_mirrored_one():
+    _, strengths = glints_at(0.05)
+    assert strengths[1] / strengths[0] == pytest.approx(3.9, rel=0.03)
+
+
+def test_below_its_least_angle_the_second_way_round_the_rainbow_is_not_seen():
+    least = 4 * np.arcsin(1 / WATER_INDEX) - np.pi
+    assert glints_at(least - 0.05)[1][2] == 0
+    assert glints_at(least + 0.05)[1][2] > 0
 
 
 def test_a_lamp_at_the_camera_glitters_in_the_middle():
     offsets, _ = glint_offsets(np.array([3.0, 0, 0]), np.array([2.0, 0, 0]), np.zeros(3), np.array([0.0, 1.0, 0.0]))
-    np.testing.assert_allclose(offsets, 0.0, atol=1e-12)
+    np.testing.assert_allclose(offsets[:2], 0.0, atol=1e-12)
 
 
 @given(places, st.tuples(st.floats(-2.4, -1.8), st.floats(-0.5, 0.5)))

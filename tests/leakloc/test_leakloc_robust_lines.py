@@ -78,14 +78,14 @@ def test_lines_are_matched_in_any_order_and_none_twice(order, seed):
     sigmas = rng.normal(0, 1, (120, 120)).astype(np.float32)
     for i, j in enumerate(order):
         sigmas[10 + 20 * i, 12 + 20 * j] = 30 + i
-    tracks = match_tracks(sigmas, np.ones((120, 120), bool), 8.0)
+    tracks = match_tracks(sigmas, np.full((120, 120), 8.0, np.float32))
     assert {(t.left_px, t.right_px) for t in tracks} == {(10 + 20 * i, 12 + 20 * j) for i, j in enumerate(order)}
 
 
 def test_below_the_price_nothing_is_matched():
     sigmas = np.zeros((60, 60), np.float32)
     sigmas[20, 30] = 4.9
-    assert match_tracks(sigmas, np.ones((60, 60), bool), 5.0) == []
+    assert match_tracks(sigmas, np.full((60, 60), 5.0, np.float32)) == []
 
 
 @given(st.floats(-0.001, 0.001), st.floats(1.5, 4.0))
