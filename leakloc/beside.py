@@ -10,7 +10,7 @@ import numpy as np
 from leakloc.levelled import LevelPair
 from leakloc.linefit import BLUR_PX, MODEL_ERROR, Profile, blurred_chord, gaussian
 from leakloc.rig import Array, Rig
-from leakloc.shadows import shadow_places
+from leakloc.shadows import ray_to_lamp
 
 REACH_PX = 30  # of the window in which drop and shadow are told apart
 SHADOW_RADII_PX = np.geomspace(0.7, 8.0, 7)  # penumbras from a drop at the wall to one in mid-air
@@ -50,8 +50,8 @@ def drop_beside(profile: Profile, shadow_px: float) -> Beside:
     light is by least squares, with the sign that it must have.
     """
     width = len(profile.values)
-    x = np.arange(max(0, round(shadow_px) - REACH_PX), min(width, round(shadow_px) + REACH_PX + 1))
-    data = profile.values[x]
+    near = np.arange(max(0, round(shadow_px) - REACH_PX), min(width, round(shadow_px) + REACH_PX + 1))
+    x, data = near.astype(np.float64), profile.values[near]
     sigma = np.hypot(profile.sigma, MODEL_ERROR * np.abs(data).max())
     columns = np.arange(x[0], x[-1] + STEP_PX, STEP_PX)
     drops = np.stack([_unit(gaussian(x, column, BLUR_PX)) for column in columns])
@@ -99,11 +99,7 @@ def _brightest_on_ray(
     beside: Sequence[Beside], shadow_px: Array, lamp: Array, stage: tuple[LevelPair, float]
 ) -> tuple[Array, float]:
     level, radius_m = stage
-    seen_m = level.places_of(shadow_px[None])[0]
-    towards = lamp[:2] - seen_m
-    towards = towards / np.linalg.norm(towards)
-    inside_m = seen_m * min(1.0, 0.98 * radius_m / np.hypot(*seen_m))
-    wall_m = shadow_places(inside_m, lamp[:2], radius_m)[0]
+    wall_m, towards = ray_to_lamp(shadow_px, lamp, level, radius_m)
     steps_m = np.arange(NEAREST_M, FARTHEST_M, STEP_M)
     offsets_px = np.nan_to_num(level.columns_of(wall_m + steps_m[:, None] * towards) - level.columns_of(wall_m[None]))
     heights, columns = zip(*(one.apart(offsets_px[:, view]) for view, one in enumerate(beside)), strict=True)

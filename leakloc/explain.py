@@ -10,7 +10,9 @@ import numpy as np
 from leakloc.beside import drop_beside_shadow, together
 from leakloc.levelled import LevelPair
 from leakloc.linefit import LineFit, Profile, fit_line, predict
+from leakloc.nearwall import near_wall
 from leakloc.rig import Array, Rig
+from leakloc.shaded import COLUMN_SIGMA_PX, drop_of_shadow
 from leakloc.signature import polarity, signature, signed_profile
 from leakloc.streaks import Streaks
 from leakloc.tracks import Track
@@ -76,7 +78,48 @@ def explain_tracks(tracks: Sequence[Track], views: Sequence[Streaks], level: Lev
         if _faint(verdict) and any(_explains(leak, line.columns_px, level, rig) for leak in found):
             verdict = replace(verdict, reason=SHADOW_OF_LEAK)
         verdicts.append(verdict)
-    return without_ghosts(verdicts, level, rig)
+    return without_ghosts(with_shaded(verdicts, views, level, rig), level, rig)
+
+
+def with_shaded(verdicts: Sequence[Verdict], views: Sequence[Streaks], level: LevelPair, rig: Rig) -> list[Verdict]:
+    """The same, with the leaks that shadows betray which no leak explains."""
+    if rig.world_from_left is None:
+        return list(verdicts)
+    told: list[Verdict] = []
+    for verdict in verdicts:
+        found = [v for v in [*verdicts, *told] if v.reason == LEAK]
+        line = verdict.line
+        unexplained = verdict.reason in (SHADOW, NOT_BRIGHT, OUTSIDE) and line.on_wall and not line.track.bright
+        if not unexplained or any(_explains(leak, line.columns_px, level, rig) for leak in found):
+            told.append(verdict)
+            continue
+        told.append(_betrayed(verdict, found, views, level, rig))
+    return told
+
+
+def _betrayed(
+    verdict: Verdict, found: Sequence[Verdict], views: Sequence[Streaks], level: LevelPair, rig: Rig
+) -> Verdict:
+    """A shadow's verdict once its drop has been looked for in its rhythm, and then close to the wall."""
+    line = verdict.line
+    none, unknown = np.full(2, np.nan), float("nan")
+    drop = drop_of_shadow(line.columns_px, views, level, rig)
+    if drop is not None and np.hypot(*level.places_of(drop.columns_px[None])[0]) < (rig.pedestal_radius or np.inf):
+        fit = LineFit(drop.columns_px, COLUMN_SIGMA_PX**2 * np.eye(2), none, none, unknown)
+        known = any(_same(Verdict(line, LEAK, fit), leak) for leak in found)
+        return Verdict(line, SHADOW_OF_LEAK if known else LEAK, fit)
+    close = near_wall(signed_profiles(line, views, -1.0), line.columns_px, level, rig)
+    if close is None:
+        return verdict
+    steps = 0.1 * np.eye(2)
+    slopes = np.stack(
+        [
+            (level.columns_of((close.place_m + s)[None])[0] - level.columns_of((close.place_m - s)[None])[0]) / 0.2
+            for s in steps
+        ],
+        axis=1,
+    )
+    return Verdict(line, LEAK, LineFit(close.columns_px, slopes @ close.covariance_m2 @ slopes.T, none, none, unknown))
 
 
 def understand(track: Track, views: Sequence[Streaks], level: LevelPair, rig: Rig) -> Line:

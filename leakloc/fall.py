@@ -71,7 +71,8 @@ def along_fall(activity: Activity, path: FallPath) -> Activity:
         into, out_of = slice(max(0, -step), n - max(0, step)), slice(max(0, step), n - max(0, -step))
         total[into, here] += smooth[out_of, there[here]]
         terms[into, here] += 1
-    return total / np.sqrt(np.maximum(terms, 1))
+    total /= np.sqrt(np.maximum(terms, 1))
+    return total
 
 
 def fallen(activities: Sequence[Activity], paths: Sequence[FallPath]) -> list[tuple[Activity, Activity]]:

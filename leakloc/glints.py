@@ -1,10 +1,11 @@
-"""Where a lamp glitters in a falling drop, and how brightly: not at the drop's centre, which decides the last millimetres.
+"""Where a lamp glitters in a falling drop, and how brightly: off the drop's centre, which decides the last millimetres.
 
 Three images of a lamp are seen near backscatter, by geometrical optics (van de Hulst, Light Scattering by Small
 Particles, ch. 12): mirrored on the front of the sphere, and reflected once at its back on two ways that meet at the
 rainbow. A ray that meets the sphere at impact parameter b (in radii) has the angle of incidence asin(b), is refracted
 to asin(b / n) and leaves the front at theta = 2 asin(b), the back at theta = 4 asin(b / n) - 2 asin(b), theta the angle
-between lamp and camera as the drop sees them. An image's strength is its share of light times b db / (sin theta dtheta).
+between lamp and camera as the drop sees them. An image's strength is its share of light times b db / (sin theta
+dtheta).
 """
 
 from __future__ import annotations

@@ -182,9 +182,7 @@ class _Problem:
             shadows_px = self.shadows_px(theta)[:, view]
             for k, lamp in enumerate(self.shadows):
                 half_px = np.hypot(self.expected.lamp_blur_px[lamp, view], radius * self.expected.drop_px[lamp, view])
-                parts.append(
-                    blurred_chord(x, shadows_px[k], half_px * np.exp(theta[self.first + 3 * k + 2]), blur_px)
-                )
+                parts.append(blurred_chord(x, shadows_px[k], half_px * np.exp(theta[self.first + 3 * k + 2]), blur_px))
         return np.stack(parts, axis=1)
 
     def shadows_px(self, theta: Array) -> Array:

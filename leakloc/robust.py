@@ -28,7 +28,7 @@ from leakloc.tracks import Track, shared_tracks
 EDGE_PX = 3
 COUNT_STEP = 4  # columns that share a threshold
 FARTHEST_M = 10.0  # ground beyond counts no more than there
-SYSTEMATIC_RADII = 0.065  # of a drop's column: what it shows of the walls is not known, and lies off its middle
+SYSTEMATIC_RADII = 0.08  # of a drop's column: what it shows of the walls is not known, and lies off its middle
 LEVEL_ROUNDS = 3
 LINE_REACH_M, LINE_POINTS = 1.0, 81  # of a plumb line above and below the cameras, to see where it crosses mid-row
 SETTLED_RAD = np.radians(0.03)  # half a pixel between the top and the bottom of an image of 1000 rows
@@ -49,8 +49,9 @@ def locate_robustly(left: Frames, right: Frames, rig: Rig, expected_false_leaks:
 
     Diagnostics: `condition` of each view (state, repeated_frames, exposure_jumps), `step` (frames that the right view
     lags, with its significance and that of none), `levelling` (roll and pitch against the believed pose, deg),
-    `row_offset` (rows that the right view shows drops lower), `threshold_sigmas` (of the far wall, the least), `noise_grey`, and `lines`, each with
-    its columns, place, significance, polarity and `verdict`: "leak" or the reason why not.
+    `row_offset` (rows that the right view shows drops lower), `threshold_sigmas` (at the far wall, where it is least),
+    `noise_grey`, and `lines`, each with its columns, place, significance, polarity and `verdict`: "leak" or the reason
+    why not.
     """
     believed = level_pair(rig)
     condition = describe_clip(left, right)
@@ -99,9 +100,7 @@ def inner_pairs(width: int) -> NDArray[np.bool_]:
     return inside[:, None] & inside[None, :]
 
 
-def shared_lines(
-    leaning: list[Streaks], believed: LevelPair, rig: Rig, least_sigmas: NDArray[np.float32]
-) -> Upright:
+def shared_lines(leaning: list[Streaks], believed: LevelPair, rig: Rig, least_sigmas: NDArray[np.float32]) -> Upright:
     """Lines that both views share, with the rig levelled by them: search, match, measure how they lean, again."""
     paths = fall_paths(leaning[0].rows_px, float(believed.principal_px[0, 1]), believed.focal_px)
     applied_rad = search_tilt(leaning, believed)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from leakloc.levelled import LevelPair
 from leakloc.rig import Array
 
 
@@ -32,3 +33,15 @@ def penumbra_m(place_m: Array, shadow_m: Array, lamp_m: Array, lamp_radius_m: fl
     a = float(np.linalg.norm(place_m - lamp_m))
     w = float(np.linalg.norm(shadow_m - lamp_m))
     return lamp_radius_m * (w - a) / a, w / a
+
+
+def ray_to_lamp(shadow_px: Array, lamp: Array, level: LevelPair, radius_m: float) -> tuple[Array, Array]:
+    """Where a shadow seen at columns (2,) lies on the wall, and the direction from there to the lamp, (2,) each.
+
+    The wall tells the depth far better than the columns' disparity does; their mean tells the direction.
+    """
+    middle_m = level.centres_m[:, :2].mean(axis=0)
+    seen_m = level.places_of(shadow_px[None])[0]
+    wall_m = shadow_places((middle_m + seen_m) / 2, middle_m, radius_m)[0]
+    towards = lamp[:2] - wall_m
+    return wall_m, towards / np.linalg.norm(towards)

@@ -24,12 +24,19 @@ def test_every_observable_leak_is_found_within_centimetres_and_none_is_invented(
     assert result.worst_error_m < 0.06
 
 
-def test_near_the_wall_two_of_three_leaks_are_found():
-    # all three is the aim: 0.23 m from the wall a drop and its shadow are 2 px apart, and it is taken for a shadow
-    result, _ = scored("near_wall", 7)
-    assert result.observable.of == 3
-    assert result.observable.found >= 2
-    assert result.worst_error_m < 0.06
+@pytest.mark.parametrize("seed", [7, 1004])
+def test_near_the_wall_every_leak_is_found_beside_its_shadow(seed):
+    result, _ = scored("near_wall", seed)
+    assert result.observable.found == result.observable.of == 3
+    assert result.false == ()
+    assert result.worst_error_m < 0.04
+
+
+def test_two_lamps_glints_are_told_apart_and_their_shadows_are_no_leaks():
+    result, _ = scored("two_lamps", 1000)
+    assert result.observable.found == result.observable.of == 3
+    assert result.false == ()
+    assert result.worst_error_m < 0.02
 
 
 @pytest.mark.parametrize("dose_rate_gy_h", [0.0, 10.0, 200.0])

@@ -1,7 +1,6 @@
 """The robust method's table at the paper's settings: many clips each, run by `make deep`.
 
-Clips are the trials where leaks are correlated; the numbers asserted are the bars, or where a bar still stands, the
-level that was reached, which is said in the row.
+Clips are the trials where leaks are correlated; the numbers asserted are the bars.
 """
 
 import numpy as np
@@ -35,19 +34,19 @@ def table_row(preset, seeds, *changes):
         ("separated", ["gamma.dose_rate_gy_h=3.3"], 40, 0.99, 0.02, 0.06),
         ("separated", ["gamma.dose_rate_gy_h=10.0"], 40, 0.99, 0.02, 0.06),
         ("separated", ["recording.n_frames=3"], 40, 0.95, 0.05, 0.1),
-        ("separated", ["gamma.dose_rate_gy_h=50.0"], 30, 0.95, 0.03, 0.06),  # bar 0.98
-        ("separated", ["gamma.dose_rate_gy_h=200.0"], 30, 0.7, 0.03, 0.06),  # bar 0.90
+        ("separated", ["gamma.dose_rate_gy_h=50.0"], 30, 0.98, 0.03, 0.06),
+        ("separated", ["gamma.dose_rate_gy_h=200.0"], 30, 0.90, 0.03, 0.06),
         ("tilted_rig", [], 20, 0.97, 0.03, 0.06),
         ("five", [], 20, 0.95, 0.03, 0.08),
         ("seven", [], 20, 0.95, 0.03, 0.08),
         ("near_wall", [], 5, 0.99, 0.03, 0.08),
         ("two_lamps", [], 10, 0.95, 0.05, 0.1),
-        *((f"crowded_{scene}", [], 2, 1.0, 0.02, 0.03) for scene in range(1, 9)),  # bar 0.01 m
+        *((f"crowded_{scene}", [], 2, 1.0, 0.01, 0.02) for scene in range(1, 9)),
     ],
 )
 def test_the_table(preset, changes, clips, rate, mean_m, worst_of_95_m):
     reached, false_per_clip, errors_m = table_row(preset, range(1000, 1000 + clips), *changes)
     assert reached >= rate
-    assert false_per_clip <= 0.2
+    assert false_per_clip <= 0.1  # twice what is expected
     assert errors_m.mean() <= mean_m
     assert np.quantile(errors_m, 0.95) <= worst_of_95_m
