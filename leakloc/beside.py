@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -43,26 +44,35 @@ class Beside:
         return np.max(tried, axis=0), np.take_along_axis(columns, best[None], axis=0)[0]
 
 
-def drop_beside(profile: Profile, shadow_px: float) -> Beside:
+def drop_beside(profile: Profile, shadow_px: int) -> Beside:
     """How much better a bright line and a dark one explain a profile than the best dark one alone, place by place.
 
     The dark line's place and width are free, for the drop pulls the one and the lamp decides the other; both lines'
     light is by least squares, with the sign that it must have.
     """
     width = len(profile.values)
-    near = np.arange(max(0, round(shadow_px) - REACH_PX), min(width, round(shadow_px) + REACH_PX + 1))
-    x, data = near.astype(np.float64), profile.values[near]
+    seen = np.arange(-REACH_PX, REACH_PX + 1)
+    seen = seen[(shadow_px + seen >= 0) & (shadow_px + seen < width)]
+    data = profile.values[shadow_px + seen]
     sigma = np.hypot(profile.sigma, MODEL_ERROR * np.abs(data).max())
-    columns = np.arange(x[0], x[-1] + STEP_PX, STEP_PX)
-    drops = np.stack([_unit(gaussian(x, column, BLUR_PX)) for column in columns])
-    shadows = np.stack([_unit(blurred_chord(x, shadow_px + s, r)) for r in SHADOW_RADII_PX for s in SHIFTS_PX])
+    places, drops, shadows = _shapes(int(seen[0]), int(seen[-1]))
     dark, bright, common = np.minimum(shadows @ data, 0)[:, None], drops @ data, shadows @ drops.T
     apart = np.maximum(1 - common**2, LEAST_APART)
     drop_light = (bright - common * dark) / apart
     gain = dark**2 + apart * drop_light**2  # of chi-squared: the shadow alone, then what the drop adds
     gain = np.where((drop_light > 0) & (dark < 0), gain, 0.0) - (dark**2).max()
-    gain = gain.reshape(len(SHADOW_RADII_PX), len(SHIFTS_PX), len(columns)).max(axis=0)
-    return Beside(columns, shadow_px + SHIFTS_PX, np.sqrt(np.maximum(gain, 0.0)) / sigma)
+    gain = gain.reshape(len(SHADOW_RADII_PX), len(SHIFTS_PX), len(places)).max(axis=0)
+    return Beside(shadow_px + places, shadow_px + SHIFTS_PX, np.sqrt(np.maximum(gain, 0.0)) / sigma)
+
+
+@lru_cache(maxsize=8)
+def _shapes(first_px: int, last_px: int) -> tuple[Array, Array, Array]:
+    """Places of drops about a shadow's column, and unit shapes of drops there and of shadows, (shapes, columns)."""
+    x = np.arange(first_px, last_px + 1, dtype=np.float64)
+    places = np.arange(first_px, last_px + STEP_PX, STEP_PX)
+    drops = np.stack([_unit(gaussian(x, place, BLUR_PX)) for place in places])
+    shadows = np.stack([_unit(blurred_chord(x, shift, r)) for r in SHADOW_RADII_PX for shift in SHIFTS_PX])
+    return places, drops, shadows
 
 
 def _unit(shape: Array) -> Array:
@@ -76,7 +86,7 @@ def drop_beside_shadow(
 
     With lamp and wall, along the ray from the shadow to the lamp; without, anywhere within APART_PX.
     """
-    beside = [drop_beside(profile, float(column)) for profile, column in zip(profiles, shadow_px, strict=True)]
+    beside = [drop_beside(profile, round(column)) for profile, column in zip(profiles, shadow_px, strict=True)]
     if rig.lamps is None or rig.pedestal_radius is None:
         return _brightest_near(beside)
     found = [_brightest_on_ray(beside, shadow_px, lamp, (level, rig.pedestal_radius)) for lamp in rig.lamps]

@@ -31,7 +31,7 @@ BRIGHT_FROM, BRIGHT_TO = 1.0, 4.0  # noise units of a band: nothing is left wher
 KINDS = 4  # looks at a pair that are nearly independent: two folds and two falls, which overlap, and bright ones
 MOST_STEP = 2  # frames that a stereo pair is believed to be out of step at most
 STEP_GAIN, STEP_SIGMAS = 1.3, 8.0  # over no step; of the best pair
-STEP_COLUMN_PX = 2  # a step is asked on every other column: lines are wider
+STEP_COLUMNS = 3  # summed where a step is asked: a line's width
 LEAST_SAMPLES = 12
 CELL_PX = 1.0  # columns that count as one independent trial: measured on clips without leaks, 0 to 200 Gy/h
 
@@ -75,7 +75,12 @@ def stereo_step(views: Sequence[Streaks]) -> dict[str, float]:
 
     `frames` is 0 unless another shift agrees clearly better; `sigmas` and `sigmas_unshifted` are the best pair's.
     """
-    left, right = (_samples(view.activity, FOLDS[-1])[:, ::STEP_COLUMN_PX] for view in views)
+    left, right = (_samples(view.activity, FOLDS[-1]) for view in views)
+    kept = left.shape[1] // STEP_COLUMNS * STEP_COLUMNS
+    left, right = (
+        samples[:, :kept].reshape(len(samples), -1, STEP_COLUMNS).sum(axis=2) / np.sqrt(STEP_COLUMNS)
+        for samples in (left, right)
+    )
     bands = len(left) // len(views[0].activity)
     tops = {}
     for shift in (0, *(s for step in range(1, MOST_STEP + 1) for s in (step, -step))):

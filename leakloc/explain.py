@@ -69,10 +69,10 @@ def explain_tracks(tracks: Sequence[Track], views: Sequence[Streaks], level: Lev
     verdicts: list[Verdict] = []
     for line in sorted(lines, key=lambda one: (_shadowy(one), not one.track.bright, -one.track.sigmas)):
         found = [v for v in verdicts if v.reason == LEAK]
-        verdict = judge(line, views, level, rig)
+        verdict = judge(line, views, (level, rig), found)
         if verdict.reason in (OUTSIDE, NOT_BRIGHT) and line.track.bright and line.on_wall:
             line = replace(line, track=replace(line.track, bright=False), polarity=-1.0)
-            verdict = judge(line, views, level, rig)
+            verdict = judge(line, views, (level, rig), found)
         if verdict.reason == LEAK and any(_same(verdict, other) for other in found):
             verdict = replace(verdict, reason=SHADOW_OF_LEAK if _shadowy(line) else DOUBLE)
         if _faint(verdict) and any(_explains(leak, line.columns_px, level, rig) for leak in found):
@@ -150,8 +150,9 @@ def stands_on_wall(columns_px: Array, level: LevelPair, rig: Rig) -> bool:
     return not (np.hypot(*farther) < rig.pedestal_radius and np.hypot(*nearer) < rig.pedestal_radius)
 
 
-def judge(line: Line, views: Sequence[Streaks], level: LevelPair, rig: Rig) -> Verdict:
-    """A line by itself: fit the drop it shows, or the drop that its shadow implies."""
+def judge(line: Line, views: Sequence[Streaks], stage: tuple[LevelPair, Rig], found: Sequence[Verdict]) -> Verdict:
+    """Fit the drop that a line shows, or the drop that its shadow implies and none of the leaks found before is."""
+    level, rig = stage
     if not may_meet(line.place_m, level, rig):
         return Verdict(line, NO_MEETING)
     shadowy = _shadowy(line)
@@ -161,6 +162,10 @@ def judge(line: Line, views: Sequence[Streaks], level: LevelPair, rig: Rig) -> V
         start_px, height = drop_beside_shadow(profiles, line.columns_px, level, rig)
         if height < LEAST_GLINT_SIGMAS:
             return Verdict(line, SHADOW)
+        known = any((np.abs(leak.columns_px - start_px) < SAME_PX).all() for leak in found)
+        explained = any(_explains(leak, line.columns_px, level, rig) for leak in found)
+        if known or (explained and height < SURE_GLINT_SIGMAS):
+            return Verdict(line, SHADOW_OF_LEAK)
     if not np.isfinite(level.places_of(start_px[None])).all():
         return Verdict(line, NO_MEETING)
     fit = fit_line(profiles, start_px, level, rig)

@@ -17,6 +17,7 @@ from leakloc.correlate import agreement, stereo_step, threshold_sigmas
 from leakloc.estimate import Estimate, LeakEstimate
 from leakloc.explain import BEYOND_WALL, LEAK, LEAST_DEPTH_M, Verdict, explain_tracks
 from leakloc.fall import fall_paths
+from leakloc.gravity import free_fall
 from leakloc.levelled import VIEWS, LevelPair, level_pair, levelled_frames
 from leakloc.levelling import Tilt, fit_tilt, no_tilt, search_tilt, track_slopes
 from leakloc.linefit import DROP_RADIUS_M
@@ -49,9 +50,9 @@ def locate_robustly(left: Frames, right: Frames, rig: Rig, expected_false_leaks:
 
     Diagnostics: `condition` of each view (state, repeated_frames, exposure_jumps), `step` (frames that the right view
     lags, with its significance and that of none), `levelling` (roll and pitch against the believed pose, deg),
-    `row_offset` (rows that the right view shows drops lower), `threshold_sigmas` (at the far wall, where it is least),
-    `noise_grey`, and `lines`, each with its columns, place, significance, polarity and `verdict`: "leak" or the reason
-    why not.
+    `row_offset` (rows that the right view shows drops lower), `free_fall` (frame rate at which they obey gravity),
+    `threshold_sigmas` (at the far wall, where it is least), `noise_grey`, and `lines`, each with its columns, place,
+    significance, polarity and `verdict`: "leak" or the reason why not.
     """
     believed = level_pair(rig)
     condition = describe_clip(left, right)
@@ -177,8 +178,15 @@ def _describe(seen: Upright, verdicts: Sequence[Verdict], least: NDArray[np.floa
         "noise_grey": [view.noise_grey for view in seen.views],
         "levelling": seen.tilt.describe(),
         "row_offset": row_offset(seen.tracks, seen.views),
+        "free_fall": free_fall(_falling(verdicts, seen.level), seen.views, seen.level),
         "lines": [_describe_line(verdict, seen.level) for verdict in verdicts],
     }
+
+
+def _falling(verdicts: Sequence[Verdict], level: LevelPair) -> list[tuple[Array, float]]:
+    """Columns and depth of every leak."""
+    columns = [verdict.columns_px for verdict in verdicts if verdict.reason == LEAK]
+    return [(c, float(level.depths_m(level.places_of(c[None]))[0])) for c in columns]
 
 
 def _describe_line(verdict: Verdict, level: LevelPair) -> dict[str, Any]:

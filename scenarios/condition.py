@@ -1,5 +1,6 @@
 """What the robust method says of a clip's condition, as a text for people."""
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -14,6 +15,8 @@ def condition_table(diagnostics: Mapping[str, Any]) -> str:
     if offset := diagnostics.get("row_offset"):
         size = f"{_signed(offset.get('rows'))} +- {_number(offset.get('sigma_rows'))} rows"
         rows.append(f"{'row offset':<15}{size} between the views (0: they are rectified)")
+    if fall := diagnostics.get("free_fall"):
+        rows.append(f"{'free fall':<15}{_fall(fall)}")
     lines = diagnostics.get("lines", [])
     rows.append(f"{'lines':<15}{len(lines)} seen in both views")
     for line in lines:
@@ -46,6 +49,15 @@ def _tilt(level: Mapping[str, Any]) -> str:
     ]
     used = "taken into account" if level.get("applied") else "not taken into account"
     return f"{', '.join(turns)} against the believed rig, by {level.get('lines', 0)} lines; {used}"
+
+
+def _fall(fall: Mapping[str, Any]) -> str:
+    rate = fall.get("frames_per_s")
+    if rate is None or not math.isfinite(rate):
+        return "tells nothing: too little falls"
+    error = f"{_number(rate)} +- {_number(fall.get('sigma'))}"
+    height = _number(fall.get("leak_height_m"))
+    return f"drops obey gravity at {error} frames/s, from {height} m above the cameras: compare the recording's rate"
 
 
 def _number(value: float | None, width: int = 0) -> str:

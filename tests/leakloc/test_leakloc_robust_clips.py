@@ -67,3 +67,20 @@ def test_leaks_are_found_without_knowledge_of_lamp_and_wall():
     result = score([(leak.x_m, leak.y_m) for leak in estimate.leaks], clip.truth).gated
     assert result.observable.found == result.observable.of == 3
     assert result.false == ()
+
+
+def test_falling_drops_tell_the_frame_rate_within_its_stated_error():
+    _, estimate = scored("separated", 1000)
+    fall = estimate.diagnostics["free_fall"]
+    assert abs(fall["frames_per_s"] - 12.0) < 3 * fall["sigma"]
+    assert fall["sigma"] < 2.0
+    _, halved = scored("separated", 1000, "recording.fps=24.0", "recording.exposure_s=0.0416666")
+    assert halved.diagnostics["free_fall"]["frames_per_s"] > 1.5 * fall["frames_per_s"]
+
+
+def test_a_baseline_believed_too_short_shows_in_the_fall():
+    # all lengths shrink with it, and drops seem to fall as if there were less gravity: at a higher frame rate
+    _, true = scored("separated", 1000)
+    _, wrong = scored("separated", 1000, "believed_rig.baseline_m=0.3")
+    told, mistold = (one.diagnostics["free_fall"]["frames_per_s"] for one in (true, wrong))
+    assert mistold > 1.15 * told
