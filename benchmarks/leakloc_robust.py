@@ -81,9 +81,9 @@ def main():
         lambda: straightforward_sums(left, *limits, rows),
         np.array_equal,
     )
-    activity = [streaks(view).activity for view in (left, right)]
+    sides = [streaks(view) for view in (left, right)]
     print(f"{'streak activity, one view':34s} {least_ms(lambda: streaks(left), 5)[0]:9.2f} ms")
-    print(f"{'agreement of all column pairs':34s} {least_ms(lambda: agreement(*activity), 5)[0]:9.2f} ms")
+    print(f"{'agreement of all column pairs':34s} {least_ms(lambda: agreement(*sides), 5)[0]:9.2f} ms")
     total_ms, estimate = least_ms(lambda: locate(left, right, rig, method="robust"), 9)
     memory_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     places = ", ".join(f"({leak.x_m:.2f}, {leak.y_m:.2f})" for leak in estimate.leaks)

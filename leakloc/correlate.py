@@ -47,20 +47,23 @@ class Agreement:
     bright: NDArray[np.float32]
 
 
-def agreement(left: Activity, right: Activity, paths: Sequence[FallPath] = ()) -> Agreement:
+def agreement(left: Streaks, right: Streaks, paths: Sequence[FallPath] = ()) -> Agreement:
     """How surely left column i and right column j share activity: the best over the folds, and along paths of falls.
 
     For a correlation rho of N samples, -N log(1 - rho^2) is the likelihood ratio of "shared" against "unrelated",
     chi-squared of one degree of freedom (Anderson, Multivariate Statistical Analysis, 4.2); its signed root is held
-    against its own scale over all pairs, nearly all of which are unrelated.
+    against its own scale over all pairs, nearly all of which are unrelated. Columns with few bands alive have the fewer
+    samples.
     """
-    samples = [(_samples(left, fold), _samples(right, fold)) for fold in FOLDS]
-    samples += [(_samples(one, 1), _samples(other, 1)) for one, other in fallen((left, right), paths)]
-    shining = [np.clip(activity, BRIGHT_FROM, BRIGHT_TO) for activity in (left, right)]
+    activities = left.activity, right.activity
+    samples = [(_samples(activities[0], fold), _samples(activities[1], fold)) for fold in FOLDS]
+    samples += [(_samples(one, 1), _samples(other, 1)) for one, other in fallen(activities, paths)]
+    shining = [np.clip(activity, BRIGHT_FROM, BRIGHT_TO) for activity in activities]
     lit = [(_samples(shining[0], fold), _samples(shining[1], fold)) for fold in FOLDS]
     with ThreadPoolExecutor(2) as threads:
         signed, bright = threads.map(_best_root, (samples, lit))
-    return Agreement(signed, bright)
+    share = np.sqrt(np.minimum.outer(left.alive, right.alive)).astype(np.float32)
+    return Agreement(signed * share, bright * share)
 
 
 def _best_root(samples: Sequence[tuple[NDArray[np.float32], NDArray[np.float32]]]) -> NDArray[np.float32]:

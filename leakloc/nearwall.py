@@ -22,6 +22,7 @@ RADII_M = (0.003, 0.005, 0.008, 0.012)
 SHIFTS_PX = np.arange(-1.25, 1.3, 0.25)  # of the shadow in a view, for its columns are known to a pixel
 APART_PX = 0.5  # standard deviation of both views' difference: the wall's radius is known to a hundredth
 WINDOW_PX = 14
+OFF_WALL_PX = 5.0  # a line this far off the columns of its place on the wall does not lie there
 FARTHEST_M, LEAST_CERTAINTY = 0.6, 0.99  # from the wall, and how surely the drop is nearer
 LATERAL_PX = 0.5  # standard deviation across the ray
 
@@ -41,9 +42,12 @@ def near_wall(profiles: Sequence[Profile], shadow_px: Array, level: LevelPair, r
         return None
     lamp = rig.lamps[0]
     wall_m, towards = ray_to_lamp(shadow_px, lamp, level, rig.pedestal_radius)
-    if not np.isfinite(wall_m).all():
+    on_wall_px = level.columns_of(wall_m[None])[0]
+    if not np.abs(on_wall_px - shadow_px).max() < OFF_WALL_PX:  # NaN, too
         return None
     chi2 = np.array([_chi2(profiles, wall_m, (towards, d), (level, lamp)) for d in DISTANCES_M])
+    if not np.isfinite(chi2).all():
+        return None
     samples = 2 * (2 * WINDOW_PX + 1)
     worth = np.exp(-0.5 * (chi2 - chi2.min()) / max(1.0, float(chi2.min()) / samples))
     worth /= worth.sum()
@@ -92,7 +96,7 @@ def _shifted_chi2(profile: Profile, shadow_px: float, offset_px: float, widths: 
     drop = np.stack([gaussian(x, centre + offset_px, spread_px) for centre in centres])
     dd, gg, dg = ((one * other).sum(axis=1) for one, other in ((dark, dark), (drop, drop), (dark, drop)))
     bd, bg = dark @ data, drop @ data
-    determinant = np.maximum(dd * gg - dg**2, 1e-3 * dd * gg)
+    determinant = np.maximum(dd * gg - dg**2, np.maximum(1e-3 * dd * gg, 1e-12))
     light = (bd * gg - dg * bg) / determinant, (bg * dd - dg * bd) / determinant
     explained = np.where(light[0] < 0, light[0] * bd + light[1] * bg, 0.0)
     return (float(data @ data) - explained) / sigma**2

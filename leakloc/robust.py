@@ -108,7 +108,7 @@ def shared_lines(leaning: list[Streaks], believed: LevelPair, rig: Rig, least_si
     tilt = no_tilt()
     for _ in range(LEVEL_ROUNDS):
         views = turned(leaning, believed, applied_rad)
-        agreed = agreement(views[0].activity, views[1].activity, paths)
+        agreed = agreement(views[0], views[1], paths)
         tracks = shared_tracks(agreed.signed, agreed.bright, least_sigmas)
         tilt = fit_tilt(track_slopes(tracks, views), believed, applied_rad, leaning[0].rows_px)
         wanted_rad = tilt.tilt_rad if tilt.significant else np.zeros(2)

@@ -37,13 +37,15 @@ class Streaks:
 
     `activity` (n, bands, width): band sums minus their temporal median, over their noise, which is at least that of
     rounding. `scale_grey` (bands, width): noise of a band's mean, grey. `rows_px` (bands,): middle rows.
-    `noise_grey`: a pixel's noise, median over the image.
+    `noise_grey`: a pixel's noise, median over the image. `alive` (width,): share of a column's bands that its noise
+    comes from, 1 where all are alike: black or white bands say nothing, and the few others speak for all.
     """
 
     activity: Activity
     scale_grey: NDArray[np.float32]
     rows_px: NDArray[np.float64]
     noise_grey: float
+    alive: NDArray[np.float64]
 
 
 def streaks(frames: Frames) -> Streaks:
@@ -53,12 +55,15 @@ def streaks(frames: Frames) -> Streaks:
     sums, rows_px = band_sums(frames, *clip_limits(frames, median.grey, noise_grey, clip_bright))
     band_rows = rows_px[1] - rows_px[0] if len(rows_px) > 1 else 2 * rows_px[0] + 1
     sums -= temporal_median(sums).grey.astype(np.float32)
-    scale = np.maximum(band_noise(sums), ROUNDING_GREY * np.sqrt(band_rows))
+    noise = band_noise(sums)
+    scale = np.maximum(noise, ROUNDING_GREY * np.sqrt(band_rows))
+    energy = (noise / scale).astype(np.float64) ** 2
+    alive = energy.sum(axis=0) ** 2 / np.maximum(len(energy) * (energy**2).sum(axis=0), 1e-12)
     sums /= scale
     sums -= np.median(
         sums[:, :, ::FLICKER_STEP_PX], axis=2, keepdims=True
     )  # lamps flicker and exposures drift for a whole row at once
-    return Streaks(sums, (scale / band_rows).astype(np.float32), rows_px, float(np.median(noise_grey)))
+    return Streaks(sums, (scale / band_rows).astype(np.float32), rows_px, float(np.median(noise_grey)), alive)
 
 
 def pixel_noise(frames: Frames, median_grey: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:

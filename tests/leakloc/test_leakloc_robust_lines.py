@@ -50,8 +50,8 @@ def test_the_bright_limit_is_wide_without_hits_and_tight_with_them():
 
 def test_the_same_drops_agree_and_hits_do_not():
     rng = np.random.default_rng(2)
-    left = streaks(raining([(200, 1), (90, -1)], rng)).activity
-    right = streaks(raining([(150, 1), (50, -1)], rng)).activity
+    left = streaks(raining([(200, 1), (90, -1)], rng))
+    right = streaks(raining([(150, 1), (50, -1)], rng))
     sigmas = agreement(left, right).signed
     assert sigmas[200, 150] > 15
     assert sigmas[90, 50] > 15
@@ -62,10 +62,20 @@ def test_the_same_drops_agree_and_hits_do_not():
 
 def test_shadows_leave_nothing_in_the_bright_agreement():
     rng = np.random.default_rng(3)
-    left, right = (streaks(raining([(c, -1)], rng)).activity for c in (200, 150))
+    left, right = (streaks(raining([(c, -1)], rng)) for c in (200, 150))
     agreed = agreement(left, right)
     assert agreed.signed[200, 150] > 15
     assert agreed.bright[195:206, 145:156].max() < 5.0
+
+
+def test_a_white_wall_next_to_a_grey_one_makes_no_leaks(make_rig):
+    rng = np.random.default_rng(9)
+    wall = np.linspace(600, 60, 960) * np.linspace(0.8, 1.2, 540)[:, None]  # half of it saturates
+    frames = [np.clip(rng.normal(wall, 3.0, (12, 540, 960)), 0, 255).astype(np.uint8) for _ in range(2)]
+    sides = [streaks(view) for view in frames]
+    assert sides[0].alive[-100:].min() > 0.9
+    assert sides[0].alive[np.argmin(np.abs(wall[270] - 270))] < 0.8
+    assert locate(*frames, make_rig(), expected_false_leaks=0.05).leaks == ()
 
 
 def test_the_threshold_rises_with_pairs_and_falls_with_tolerance():
