@@ -142,17 +142,28 @@ def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
 def _without(data: dict[str, Any], details: Sequence[Any], rules: FileRules[Content]) -> Content | None:
     """Return the content with its bad keys left out, so that rules between the good ones can be checked too.
 
-    A row of a list that lacks something is replaced whole, so that the others keep their numbers.
+    A row of a list that lacks something is replaced whole, so that the others keep their numbers. Where that is not
+    enough, for the row cannot be without the bad key, every row with a bad key is.
     """
-    good = _copied(data)
-    for detail in details:
-        location = detail["loc"]
-        is_row = len(location) > 1 and isinstance(location[1], int) and detail["type"] in ROW_ERRORS
-        _leave_out(good, location[:2] if is_row else location, rules.faultless_rows)
-    try:
-        return rules.model.model_validate(good)
-    except ValidationError:
-        return None
+    places = [detail["loc"] for detail in details]
+    keys = [
+        _row(place) if detail["type"] in ROW_ERRORS else place for place, detail in zip(places, details, strict=True)
+    ]
+    rows = [_row(place) if place[0] in rules.faultless_rows else place[:1] for place in places]
+    for bad in (keys, rows):
+        good = _copied(data)
+        for place in bad:
+            _leave_out(good, place, rules.faultless_rows)
+        try:
+            return rules.model.model_validate(good)
+        except ValidationError:
+            continue
+    return None
+
+
+def _row(location: tuple[int | str, ...]) -> tuple[int | str, ...]:
+    """Location of the row that a location is in, or the location itself outside of rows."""
+    return location[:2] if len(location) > 1 and isinstance(location[1], int) else location
 
 
 def _leave_out(data: Any, location: Sequence[int | str], faultless_rows: Mapping[str, dict[str, Any]]) -> None:

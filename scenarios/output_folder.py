@@ -156,7 +156,7 @@ def _remove_leftovers(destination: Path) -> None:
     for kind in ("partial", "old"):
         for leftover in destination.parent.glob(f".{glob.escape(destination.name)}.{kind}-*"):
             pid = leftover.name.rpartition("-")[2]
-            if not pid.isdecimal() or _is_alive(int(pid)) or not leftover.is_dir():
+            if not pid.isdecimal() or is_alive(int(pid)) or not leftover.is_dir():
                 continue
             if kind == "old" and not destination.exists():
                 leftover.rename(destination)
@@ -164,7 +164,8 @@ def _remove_leftovers(destination: Path) -> None:
                 shutil.rmtree(leftover, ignore_errors=True)
 
 
-def _is_alive(pid: int) -> bool:
+def is_alive(pid: int) -> bool:
+    """Whether a process of this number runs on this machine."""
     try:
         os.kill(pid, 0)
     except ProcessLookupError:
