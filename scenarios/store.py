@@ -7,6 +7,7 @@ same whatever the number of workers and of stops.
 
 import fcntl
 import glob
+import hashlib
 import json
 import os
 import sqlite3
@@ -15,8 +16,6 @@ from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
-
-from pydantic import ValidationError
 
 from scenarios.campaign import Campaign
 from scenarios.estimators import EstimatorSpec
@@ -63,13 +62,14 @@ class Identity:
     versions: str
 
     def as_rows(self) -> dict[str, str]:
-        """Return the identity as texts by key."""
-        return {
+        """Return the identity as texts by key, their digest included."""
+        rows = {
             "campaign": self.campaign.model_dump_json(),
             "fingerprint": self.fingerprint,
             "estimators": json.dumps([asdict(spec) for spec in self.estimators]),
             "versions": self.versions,
         }
+        return {**rows, "sha256": hashlib.sha256(json.dumps(rows).encode()).hexdigest()}
 
 
 @dataclass(frozen=True)
@@ -219,14 +219,17 @@ def _errors_told(path: Path) -> Iterator[None]:
 def _identity_in(connection: sqlite3.Connection) -> Identity:
     rows = dict(connection.execute("SELECT key, value FROM campaign"))
     try:
-        return Identity(
+        identity = Identity(
             campaign=Campaign.model_validate_json(rows["campaign"]),
             fingerprint=rows["fingerprint"],
             estimators=tuple(EstimatorSpec(**spec) for spec in json.loads(rows["estimators"])),
             versions=rows["versions"],
         )
-    except (KeyError, TypeError, ValueError, ValidationError):
+    except (KeyError, TypeError, ValueError):
         raise sqlite3.DatabaseError("its campaign cannot be read") from None
+    if identity.as_rows() != rows:
+        raise sqlite3.DatabaseError("its campaign is not as it was written")
+    return identity
 
 
 def _runs_in(connection: sqlite3.Connection) -> Iterator[Run]:

@@ -1,6 +1,7 @@
 """Estimators of other people, good and bad, as the bench meets them."""
 
 import os
+import signal
 import time
 
 import numpy as np
@@ -43,3 +44,24 @@ def looks_for_the_truth(left, right, rig):
 
     found = [o for o in gc.get_objects() if type(o).__name__ in {"Truth", "LeakTruth", "Scenario", "SimulatedClip"}]
     return [(1.0, 1.0)] if found else []
+
+
+def kills_its_caller_on_clips_of_five_frames(left, right, rig):
+    if len(left) == 5:
+        os.kill(os.getppid(), signal.SIGKILL)
+    return []
+
+
+def kills_its_caller_once(left, right, rig):
+    """Once for all processes: the first to make the file that the environment names."""
+    try:
+        open(os.environ["KILLED_ONCE"], "x").close()
+    except FileExistsError:
+        return []
+    os.kill(os.getppid(), signal.SIGKILL)
+    return []
+
+
+def hangs_on_clips_of_five_frames(left, right, rig):
+    time.sleep(60 if len(left) == 5 else 0)
+    return []
