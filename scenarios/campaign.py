@@ -3,7 +3,6 @@
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
-from pydantic_core import PydanticCustomError
 
 from scenarios.scenario import Model
 
@@ -24,7 +23,7 @@ def _tuple_of_list(value: Any) -> Any:
 def _scalar(value: Any) -> Any:
     """A union would give a message for each of its kinds."""
     if not isinstance(value, bool | int | float | str):
-        raise PydanticCustomError("scalar", "must be a number, a text or true or false")
+        raise ValueError("must be a number, a text or true or false")
     return value
 
 

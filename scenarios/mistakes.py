@@ -101,6 +101,8 @@ def _rule(kind: str, detail: Any) -> str:
         return f"must have a kind of {context['expected_tags']}"
     if kind == "union_tag_not_found":
         return "must have a key kind"
+    if kind == "value_error":
+        return str(context["error"])
     if kind == "literal_error":
         return f"must be {context['expected']}"
     if kind in ("too_long", "string_too_long"):
