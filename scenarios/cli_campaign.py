@@ -9,7 +9,7 @@ import click
 
 from scenarios.campaign_file import CAMPAIGNS, CampaignFile, read_campaign
 from scenarios.cli_options import FILE, FiniteRange, clear_errors
-from scenarios.output_folder import check_target, write_file
+from scenarios.output_folder import check_apart, check_target, write_file
 
 if TYPE_CHECKING:
     from scenarios.estimators import EstimatorSpec
@@ -117,6 +117,7 @@ def export(store: Path, destination: Path, *, as_csv: bool) -> None:
     from scenarios.store import read_store
 
     del as_csv  # the one format there is
+    check_apart(store, destination)
     write_file(destination, campaign_csv(read_store(store)))
 
 
@@ -129,6 +130,7 @@ def report(store: Path, destination: Path) -> None:
     from scenarios.campaign_report import report_html
     from scenarios.store import read_store
 
+    check_apart(store, destination)
     check_target(destination)
     write_file(destination, report_html(read_store(store)))
 

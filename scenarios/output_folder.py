@@ -10,7 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-MARKERS = ("clip.json", "dataset.json", "demo.json", "noise.json")
+MARKERS = ("clip.json", "dataset.json", "demo.json", "noise.json", "export.json")
 """A folder that the tool made holds one of these, with a key "made_by"."""
 
 
@@ -101,6 +101,13 @@ def check_replaceable(destination: Path) -> None:
     """Refuse a folder to replace that holds something the tool did not make."""
     if _is_taken(destination) and not was_made_by_us(destination):
         raise OutputError(f"{destination}: is not empty and was not made by leakloc; it is never replaced")
+
+
+def check_apart(source: Path, destination: Path) -> None:
+    """Refuse an output that is its own input, or inside it, or around it."""
+    here, there = source.resolve(), destination.resolve()
+    if here == there or here in there.parents or there in here.parents:
+        raise OutputError(f"{destination}: must be apart from {source}")
 
 
 def write_json(path: Path, content: Any) -> None:
