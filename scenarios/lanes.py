@@ -62,10 +62,11 @@ class Shares:
 class Lane:
     """One worker, what it does, since when, and how many workers died of it."""
 
-    def __init__(self, kind: Kind, number: int) -> None:
+    def __init__(self, new_executor: NewExecutor, deaths: tuple[type[BaseException], ...]) -> None:
         """Start no worker yet."""
-        self._kind, self._number = kind, number
+        self._new_executor, self._death_errors = new_executor, deaths
         self._executor: Executor | None = None
+        self._greeting: Future[str] | None = None
         self._work: SceneWork | None = None
         self._begun_s, self._deaths = 0.0, 0
 
@@ -77,7 +78,7 @@ class Lane:
         self._begun_s = time.monotonic()
         try:
             return executor.submit(run_scene, work)
-        except self._kind.deaths:  # it died between two scenes, for which neither is to blame
+        except self._death_errors:  # it died between two scenes, for which neither is to blame
             self.stop()
             return self._started().submit(run_scene, work)
 
@@ -85,35 +86,42 @@ class Lane:
         """Return the outcome of what was begun; or the work itself when its worker died and it is to be tried again."""
         assert self._work is not None
         try:
-            return future.result()
-        except self._kind.deaths:
-            took_s = time.monotonic() - self._begun_s
-            self.stop()
-            self._deaths += 1
-            if took_s >= self._work.limit_s:
-                return broken_scene(self._work, "timeout", f"no result within {self._work.limit_s:g} s")
-            if self._deaths == TRIES:
-                return broken_scene(self._work, "crash", "its worker process died twice")
-            return self._work
+            outcome = future.result()
+        except self._death_errors as error:
+            return self._after_death(self._work, error)
         except (CancelledError, OSError) as error:
             raise WorkerError(f"the workers are gone: {error}; run it again to go on") from None
+        if outcome.versions != versions():
+            raise WorkerError(f"a worker has {outcome.versions}; here is {versions()}: results would not be the same")
+        return outcome
 
     def stop(self) -> None:
         """Let the worker go, without waiting for what it does."""
         if self._executor is not None:
             self._executor.shutdown(wait=False)
-        self._executor = None
+        self._executor = self._greeting = None
 
     def _started(self) -> Executor:
-        """Start a worker and see that it works, and works as this process does."""
-        self._executor = self._kind.lanes[self._number]()
-        try:
-            theirs = self._executor.submit(versions).result()
-        except self._kind.deaths as error:
-            raise WorkerError(f"a worker died before it did anything: {error}") from None
-        if theirs != versions():
-            raise WorkerError(f"a worker has {theirs}; here is {versions()}: results would not be the same")
+        """Start a worker. It says hello first: one that cannot do that much is no scene's fault."""
+        self._executor = self._new_executor()
+        self._greeting = self._executor.submit(versions)
+        self._greeting.add_done_callback(self._greeted)
         return self._executor
+
+    def _greeted(self, _: Future[str]) -> None:
+        self._begun_s = time.monotonic()  # starting Python is not the scene's time
+
+    def _after_death(self, work: SceneWork, error: BaseException) -> SceneOutcome | SceneWork:
+        took_s = time.monotonic() - self._begun_s
+        if self._greeting is not None and self._greeting.exception() is not None:
+            raise WorkerError(f"a worker died before it did anything: {error}") from None
+        self.stop()
+        self._deaths += 1
+        if took_s >= work.limit_s:
+            return broken_scene(work, "timeout", f"no result within {work.limit_s:g} s")
+        if self._deaths == TRIES:
+            return broken_scene(work, "crash", "its worker process died twice")
+        return work
 
 
 def scenes_done(kind: Kind, groups: Sequence[Sequence[SceneWork]]) -> Iterator[SceneOutcome]:
@@ -121,7 +129,7 @@ def scenes_done(kind: Kind, groups: Sequence[Sequence[SceneWork]]) -> Iterator[S
 
     Raises WorkerError when workers cannot work at all.
     """
-    lanes = [Lane(kind, number) for number in range(len(kind.lanes))]
+    lanes = [Lane(new_executor, kind.deaths) for new_executor in kind.lanes]
     shares = Shares(groups, len(lanes))
     running: dict[Future[SceneOutcome], int] = {}
 

@@ -46,22 +46,9 @@ def looks_for_the_truth(left, right, rig):
     return [(1.0, 1.0)] if found else []
 
 
-def kills_its_caller_on_clips_of_five_frames(left, right, rig):
+def kills_its_caller_or_hangs(left, right, rig):
+    """Kills on clips of 5 frames, hangs on those of 6."""
     if len(left) == 5:
         os.kill(os.getppid(), signal.SIGKILL)
-    return []
-
-
-def kills_its_caller_once(left, right, rig):
-    """Once for all processes: the first to make the file that the environment names."""
-    try:
-        open(os.environ["KILLED_ONCE"], "x").close()
-    except FileExistsError:
-        return []
-    os.kill(os.getppid(), signal.SIGKILL)
-    return []
-
-
-def hangs_on_clips_of_five_frames(left, right, rig):
-    time.sleep(60 if len(left) == 5 else 0)
+    time.sleep(60 if len(left) == 6 else 0)
     return []

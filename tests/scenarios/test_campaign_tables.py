@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from small_campaigns import run, small_campaign
 
 from scenarios.campaign import Campaign
 from scenarios.campaign_csv import campaign_csv
@@ -98,18 +97,16 @@ def test_a_median_of_few_values_has_no_interval_and_of_none_is_undefined():
     assert np.isnan(median_interval([])).all()
 
 
-@pytest.fixture(scope="module")
-def small(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("tables")
-    run(small_campaign(folder, repeats=1), folder / "results.db")
-    return folder / "results.db"
+@pytest.fixture
+def small(whole_campaign):
+    return whole_campaign[1]
 
 
 def test_the_export_is_a_table_with_a_row_per_run(small, tmp_path):
     result = CliRunner().invoke(main, ["campaign", "export", "--csv", str(small), "-o", str(tmp_path / "r.csv")])
     assert result.exit_code == 0, result.output
     rows = list(csv.DictReader((tmp_path / "r.csv").read_text().splitlines()))
-    assert [int(row["run"]) for row in rows] == list(range(12))
+    assert [int(row["run"]) for row in rows] == list(range(24))
     for row, run_ in zip(rows, read_store(small).runs, strict=True):
         assert (row["recording.n_frames"], row["method"]) == (str(run_.values["recording.n_frames"]), run_.method)
         errors = [float(word) for word in row["leak_errors_m"].split(";") if word]
@@ -129,7 +126,7 @@ def test_an_export_does_not_overwrite_its_store(small):
 def test_show_prints_an_arm_and_method_a_row(small):
     result = CliRunner().invoke(main, ["campaign", "show", str(small)])
     assert result.exit_code == 0
-    assert "small, 6 of 6 scenes" in result.output
+    assert "small, 12 of 12 scenes" in result.output
     assert (
         len([line for line in result.output.splitlines() if re.match(r"[456] +(0.0|5.0) +(paper|naive)", line)]) == 12
     )

@@ -5,7 +5,7 @@ import signal
 
 import pytest
 from click.testing import CliRunner
-from small_campaigns import csv_of, run, small_campaign
+from small_campaigns import csv_of, small_campaign
 
 from scenarios.campaign_file import read_campaign
 from scenarios.cli import main
@@ -20,9 +20,8 @@ def local_cluster(n_workers):
     return distributed.LocalCluster(n_workers=n_workers, threads_per_worker=1, dashboard_address=":0", silence_logs=50)
 
 
-def test_two_dask_workers_of_which_one_is_killed_give_the_table_of_local_ones(tmp_path):
-    path, done = small_campaign(tmp_path, repeats=1), []
-    run(path, tmp_path / "local.db")
+def test_two_dask_workers_of_which_one_is_killed_give_the_table_of_local_ones(whole_campaign, tmp_path):
+    (path, local), done = whole_campaign, []
     with (
         local_cluster(2) as cluster,
         dask_workers(cluster.scheduler_address) as kind,
@@ -34,8 +33,8 @@ def test_two_dask_workers_of_which_one_is_killed_give_the_table_of_local_ones(tm
             if len(done) == 1:
                 os.kill(doomed, signal.SIGKILL)
         assert other != doomed
-    assert sorted(done) == list(range(6))
-    assert csv_of(tmp_path / "dask.db") == csv_of(tmp_path / "local.db")
+    assert sorted(done) == list(range(12))
+    assert csv_of(tmp_path / "dask.db") == csv_of(local)
 
 
 def test_a_scheduler_that_is_not_there_is_one_clear_error(tmp_path, monkeypatch):
