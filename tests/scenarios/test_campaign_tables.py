@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from small_campaigns import inline, run
 
 from scenarios.campaign import Campaign
 from scenarios.campaign_csv import campaign_csv
@@ -17,6 +18,7 @@ from scenarios.campaign_report import report_html
 from scenarios.campaign_summary import cells, table, worst, wrong_codes
 from scenarios.cli import main
 from scenarios.estimators import EstimatorSpec
+from scenarios.progress import progress
 from scenarios.scene_work import LeakOutcome
 from scenarios.statistics import clopper_pearson, median_interval
 from scenarios.store import Identity, Stored, read_store
@@ -148,6 +150,33 @@ def test_a_report_of_nothing_or_of_crashes_alone_is_a_page():
     page = report_html(stored([made_up(0, [], outcome="crash")]))
     assert "crash: why" in page
     assert campaign_csv(stored([])).startswith("run,scene")
+
+
+def test_a_space_is_a_campaign_of_one_arm(tmp_path):
+    path, store = tmp_path / "space.toml", tmp_path / "space.db"
+    path.write_text(
+        'methods = ["paper"]\nset = ["rig.width_px=96", "rig.height_px=54", "pedestal.texture=uniform"]\n'
+        '[space]\nstratum = "easy"\nscenes = 2\n'
+    )
+    assert run(path, store, inline()) == [0, 1]
+    assert [(r.base, r.arm, r.repeat, r.values) for r in read_store(store).runs] == [
+        ("easy:0:0", 0, 0, {}),
+        ("easy:1:0", 0, 1, {}),
+    ]
+    assert len(table(read_store(store).runs).splitlines()) == 2
+    page = report_html(read_store(store))
+    assert ("<svg" in page, "2 of 2 scenes" in page) == (False, True)
+
+
+def test_progress_without_a_terminal_is_lines_with_rate_and_time_left(capsys, monkeypatch):
+    monkeypatch.setattr("scenarios.progress.SECONDS_BETWEEN_LINES", 0.0)
+    assert list(progress(range(3), "scenes", 3)) == [0, 1, 2]
+    lines = capsys.readouterr().err.splitlines()
+    assert [re.sub(r"[\d.e+]+ / s", "R / s", re.sub(r"\d+ s left", "T s left", line)) for line in lines] == [
+        "scenes: 1 of 3, R / s, T s left",
+        "scenes: 2 of 3, R / s, T s left",
+        "scenes: 3 of 3, R / s",
+    ]
 
 
 def test_a_replay_shows_the_run_again(small):
