@@ -1,6 +1,7 @@
 """Detection and error against the swept axis, an SVG a campaign: a row of panels for each setting of the other axes."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import matplotlib as mpl
 import numpy as np
@@ -28,20 +29,28 @@ def main_axis(cells: Sequence[Cell]) -> str | None:
     return max(swept, key=lambda axis: swept[axis]) if swept else None
 
 
+@dataclass(frozen=True)
+class Look:
+    """How a method is drawn: its name, its colour, and the line style between places, none where they have no order."""
+
+    label: str
+    colour: str
+    line: str
+
+
 def sweep_figure(campaign: Campaign, cells: Sequence[Cell], axis: str) -> str:
-    """Return the panels of a campaign against one axis, as SVG; what the other axes are is in each row's title."""
-    rows = _rows(cells, axis)
+    """Return the panels of a campaign against one axis, as SVG; what the other axes are is beside each row."""
+    rows = dict(list(_rows(cells, axis).items())[:MAX_ROWS])
     methods = list(dict.fromkeys(cell.method for cell in cells))
+    line = "-" if _is_numeric(_values(cells, axis)) else ""
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(10.4, 0.5 + 2.3 * len(rows)), layout="constrained")
+        figure = Figure(figsize=(10.4, (0.5 if line else 1.5) + 2.3 * len(rows)), layout="constrained")
         panels = figure.subplots(len(rows), len(COUNTED) + 1, squeeze=False, sharex=True, sharey="col")
         for (others, row_cells), row in zip(rows.items(), panels, strict=True):
             for i, method in enumerate(methods):
                 mine = [cell for cell in row_cells if cell.method == method]
                 places = _places(cells, axis, mine) + _shift(cells, axis, i - (len(methods) - 1) / 2.0)
-                for which, panel in zip(COUNTED, row, strict=False):
-                    _draw_rate(panel, places, [cell.found[which] for cell in mine], COLOURS[i % len(COLOURS)], method)
-                _draw_error(row[-1], places, mine, COLOURS[i % len(COLOURS)])
+                _draw_row(row, places, mine, Look(method, COLOURS[i % len(COLOURS)], line))
             row[0].set_ylabel(f"{others}\nshare" if others else "share")
         for panel, title in zip(panels[0], (*map(_title, COUNTED), "error (m)"), strict=True):
             panel.set_title(title, fontsize=9)
@@ -57,22 +66,24 @@ def short(axis: str) -> str:
     return axis.rpartition(".")[2]
 
 
-def caption() -> str:
-    """Say what is drawn."""
+def caption(cells: Sequence[Cell], axis: str) -> str:
+    """Say what is drawn, and what is not."""
+    n_rows = len(_rows(cells, axis))
+    left_out = f" Drawn are the first {MAX_ROWS} of {n_rows} settings of the other axes." if n_rows > MAX_ROWS else ""
     return (
-        "Solid, with 95 % intervals (Clopper-Pearson): share of the clips in which every leak that counts is found. "
-        "Dotted: share of those leaks. Error: median over clips of the mean error of the leaks found, with the "
-        "distribution-free 95 % interval of the median (none with fewer than 6 clips)."
+        "Dots, with 95 % intervals (Clopper-Pearson): share of the clips in which every leak that counts is found. "
+        "Dotted lines or dashes: share of those leaks. Error: median over clips of the mean error of the leaks found, "
+        f"with the distribution-free 95 % interval of the median (none with fewer than 6 clips).{left_out}"
     )
 
 
 def _rows(cells: Sequence[Cell], axis: str) -> dict[str, list[Cell]]:
-    """Cells by what the other axes are, the first few."""
+    """Cells by what the other axes are."""
     rows: dict[str, list[Cell]] = {}
     for cell in cells:
         others = "\n".join(f"{short(name)} {value}" for name, value in cell.values.items() if name != axis)
         rows.setdefault(others, []).append(cell)
-    return dict(list(rows.items())[:MAX_ROWS])
+    return rows
 
 
 def _values(cells: Sequence[Cell], axis: str) -> list[Value]:
@@ -99,22 +110,27 @@ def _title(which: str) -> str:
     return {"all": "all leaks", "in_view": "leaks in view", "observable": "observable leaks"}[which]
 
 
-def _draw_rate(panel: Axes, places: np.ndarray, found: Sequence[Found], colour: str, label: str) -> None:
+def _draw_row(row: np.ndarray, places: np.ndarray, cells: Sequence[Cell], look: Look) -> None:
+    """Draw one method into the panels of one row, along the axis from its lowest place on."""
+    order = np.argsort(places)
+    places, ordered = places[order], [cells[i] for i in order]
+    for which, panel in zip(COUNTED, row, strict=False):
+        _draw_rate(panel, places, [cell.found[which] for cell in ordered], look)
+    median, low, high = np.array([cell.median_error_m for cell in ordered]).reshape(-1, 3).T
+    row[-1].plot(places, median, f"o{look.line}", color=look.colour, ms=3, lw=1.2)
+    row[-1].vlines(places, low, high, color=look.colour, linewidth=0.8)
+
+
+def _draw_rate(panel: Axes, places: np.ndarray, found: Sequence[Found], look: Look) -> None:
     leaks = [part.leaks / part.of_leaks if part.of_leaks else np.nan for part in found]
     clips = np.array([part.clips / part.of_clips if part.of_clips else np.nan for part in found])
-    panel.plot(places, leaks, ":", color=colour, linewidth=1.0)
+    panel.plot(places, leaks, ":" if look.line else "_", color=look.colour, lw=1.0, ms=7)
     low, high = np.array([part.interval for part in found]).reshape(-1, 2).T
     bars = np.abs(np.array([clips - low, high - clips]))  # a rate of 0 or 1 may lie outside by rounding
     panel.errorbar(
-        places, clips, yerr=bars, color=colour, fmt="o-", ms=3, lw=1.2, capsize=2, elinewidth=0.8, label=label
+        *(places, clips, bars), color=look.colour, fmt=f"o{look.line}", ms=3, lw=1.2, elinewidth=0.8, label=look.label
     )
     panel.set_ylim(-0.03, 1.03)
-
-
-def _draw_error(panel: Axes, places: np.ndarray, cells: Sequence[Cell], colour: str) -> None:
-    median, low, high = np.array([cell.median_error_m for cell in cells]).reshape(-1, 3).T
-    panel.plot(places, median, "o-", color=colour, ms=3, linewidth=1.2)
-    panel.vlines(places, low, high, color=colour, linewidth=0.8)
 
 
 def _name_places(panel: Axes, campaign: Campaign, cells: Sequence[Cell], axis: str) -> None:
@@ -122,4 +138,4 @@ def _name_places(panel: Axes, campaign: Campaign, cells: Sequence[Cell], axis: s
     panel.set_xlabel(label)
     values = _values(cells, axis)
     if not _is_numeric(values):
-        panel.set_xticks(range(len(values)), [str(value) for value in values], rotation=30, ha="right", fontsize=7)
+        panel.set_xticks(range(len(values)), [str(value) for value in values], rotation=90, fontsize=7)

@@ -50,7 +50,7 @@ def _figure(stored: Stored, table_cells: Sequence[Cell]) -> list[str]:
     if axis is None:
         return []
     picture = sweep_figure(stored.identity.campaign, table_cells, axis)
-    return [f'<h2>Detection and error</h2><p class="quiet">{escape(caption())}</p>{picture}']
+    return [f'<h2>Detection and error</h2><p class="quiet">{escape(caption(table_cells, axis))}</p>{picture}']
 
 
 def _table(table_cells: Sequence[Cell]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +15,10 @@ from scenarios.output_folder import check_apart, check_target, write_file
 if TYPE_CHECKING:
     from scenarios.estimators import EstimatorSpec
     from scenarios.lanes import Kind
+    from scenarios.scene_work import SceneOutcome
+
+STOPPED = 130
+"""Exit code of a program that was interrupted, as shells have it."""
 
 
 @click.group(epilog=f"Shipped campaigns: {', '.join(CAMPAIGNS.names())}.")
@@ -73,11 +78,19 @@ def _run(wanted: CampaignFile, foreign: list[EstimatorSpec], store: Path, kind: 
         if under_way.n_there:
             click.echo(f"{store}: {under_way.n_there} of {under_way.n_scenes} scenes are there already", err=True)
         n_left = under_way.n_scenes - under_way.n_there
-        for outcome in progress(under_way.left, "scenes", n_left):
-            for ended in outcome.runs:
-                if ended.outcome in ("crash", "timeout"):
-                    click.echo(f"scene {outcome.number}, {ended.method}: {ended.outcome}: {ended.detail}", err=True)
+        try:
+            for outcome in progress(under_way.left, "scenes", n_left):
+                _tell_breakdowns(outcome)
+        except KeyboardInterrupt:
+            click.echo(f"\n{store}: stopped; the same command goes on", err=True)
+            sys.exit(STOPPED)
     _show(store)
+
+
+def _tell_breakdowns(outcome: SceneOutcome) -> None:
+    for ended in outcome.runs:
+        if ended.outcome in ("crash", "timeout"):
+            click.echo(f"scene {outcome.number}, {ended.method}: {ended.outcome}: {ended.detail}", err=True)
 
 
 @campaign.command()
