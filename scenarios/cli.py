@@ -7,6 +7,8 @@ from typing import Any
 import click
 
 from scenarios.cli_bench import bench, explain
+from scenarios.cli_campaign import campaign
+from scenarios.cli_export import export
 from scenarios.cli_locate import inspect, locate
 from scenarios.cli_options import FILE, FOLDER, SEED, FiniteRange, clear_errors, scenario_options
 from scenarios.clip_folder import verify_clip, write_clip
@@ -15,7 +17,7 @@ from scenarios.scenario import Scenario
 from scenarios.scenario_file import library_names, read_scenario
 from scenarios.truth import read_truth
 
-SCHEMAS = ("scenario", "result", "truth")
+SCHEMAS = ("scenario", "campaign", "result", "truth")
 
 
 @click.group(
@@ -163,6 +165,8 @@ def _summary(scenario: Scenario, source: str) -> str:
 
 
 main.add_command(bench)
+main.add_command(campaign)
 main.add_command(explain)
+main.add_command(export)
 main.add_command(inspect)
 main.add_command(locate)

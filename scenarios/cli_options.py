@@ -40,15 +40,18 @@ def clear_errors(command: Callable[..., Any]) -> Callable[..., Any]:
     @wraps(command)
     def wrapped(*args: Any, **options: Any) -> Any:
         from leakloc import ClipError, ResultError, RigError
+        from scenarios.campaign_file import CampaignError
         from scenarios.cli_bench import BaselineError
         from scenarios.estimators import EstimatorError
         from scenarios.irradiate import FramesError
+        from scenarios.store import StoreError
         from scenarios.workers import WorkerError
 
         foreign = (ClipError, RigError, ResultError, FramesError, EstimatorError, BaselineError, WorkerError)
+        studies = (CampaignError, StoreError)
         try:
             return command(*args, **options)
-        except (*INPUT_ERRORS, *foreign) as error:
+        except (*INPUT_ERRORS, *foreign, *studies) as error:
             for line in str(error).splitlines():
                 click.echo(f"Error: {line}", err=True)
             sys.exit(BAD_INPUT)

@@ -81,7 +81,7 @@ def top_view(truth: Truth, estimates_m: Sequence[tuple[float, float]], scored: S
             [y for _, y in inside], [x for x, _ in inside], "x", color=ESTIMATE_COLOUR, ms=8, mew=1.8, label="estimate"
         )
         _name_axes(axes, radius_m, n_outside=len(finite) - len(inside))
-        return _svg(figure)
+        return svg(figure)
 
 
 def estimate_view(estimate: Estimate, rig: Rig) -> str:
@@ -98,7 +98,7 @@ def estimate_view(estimate: Estimate, rig: Rig) -> str:
             axes.plot(leak.y_m, leak.x_m, "x", color=ESTIMATE_COLOUR, ms=8, mew=1.8)
             _draw_ellipse(axes, leak)
         _name_axes(axes, reach_m, n_outside=0)
-        return _svg(figure)
+        return svg(figure)
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ def column_profiles(pictures: Sequence[ProfilePicture]) -> str:
             axes.set_xlabel("column (px)" if i else "")
             if i == 0:
                 axes.legend(ncols=5, loc="upper right", frameon=False, bbox_to_anchor=(1.0, 1.25))
-        return _svg(figure)
+        return svg(figure)
 
 
 def _draw_ellipse(axes: Axes, leak: LeakEstimate) -> None:
@@ -202,7 +202,8 @@ def _draw_columns(axes: Axes, label: str, columns_px: Sequence[float | None], co
         axes.axvline(column, color=colour, linewidth=1.2, linestyle=style, alpha=0.6, label=label if i == 0 else None)
 
 
-def _svg(figure: Figure) -> str:
+def svg(figure: Figure) -> str:
+    """Return a figure as inline SVG; the same figure gives the same bytes."""
     text = io.StringIO()
     figure.savefig(text, format="svg", metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
     return text.getvalue()[text.getvalue().index("<svg") :]

@@ -16,7 +16,7 @@ from leakloc.footage import image_paths
 from leakloc.image_file import read_grey_image
 from noise import GammaField, GammaHits, Sensor, add_noise
 from scenarios.clip_folder import ESTIMATORS_FILES, ESTIMATORS_FOLDERS, encode_png, has_manifest, verify_input
-from scenarios.output_folder import OutputError, made_by, write_file, write_json
+from scenarios.output_folder import check_apart, made_by, write_file, write_json
 from scenarios.rules import MAX_HITS, most_hits
 
 MAX_PIXELS = 2_000_000_000
@@ -48,7 +48,7 @@ def irradiate(
     lends its geometry, scale and tone; its own noise is left off. Raises FramesError, DamagedClipError, OutputError.
     """
     field, sensor = noise
-    _check_apart(source, destination)
+    check_apart(source, destination)
     cameras = _cameras(source)
     n_hits = 0
     with new_folder(destination) as folder:
@@ -117,12 +117,6 @@ def _cameras(source: Path) -> list[str]:
     if has_manifest(source):
         verify_input(source)
     return there
-
-
-def _check_apart(source: Path, destination: Path) -> None:
-    here, there = source.resolve(), destination.resolve()
-    if here == there or here in there.parents or there in here.parents:
-        raise OutputError(f"{destination}: must be a folder apart from the frames in {source}")
 
 
 def _check_hits(field: GammaField, sensor: Sensor, exposure_s: float, frames: np.ndarray) -> None:

@@ -10,7 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-MARKERS = ("clip.json", "dataset.json", "demo.json", "noise.json")
+MARKERS = ("clip.json", "dataset.json", "demo.json", "noise.json", "export.json")
 """A folder that the tool made holds one of these, with a key "made_by"."""
 
 
@@ -103,6 +103,13 @@ def check_replaceable(destination: Path) -> None:
         raise OutputError(f"{destination}: is not empty and was not made by leakloc; it is never replaced")
 
 
+def check_apart(source: Path, destination: Path) -> None:
+    """Refuse an output that is its own input, or inside it, or around it."""
+    here, there = source.resolve(), destination.resolve()
+    if here == there or here in there.parents or there in here.parents:
+        raise OutputError(f"{destination}: must be apart from {source}")
+
+
 def write_json(path: Path, content: Any) -> None:
     """Write JSON (no NaN: undefined is null) whole or not at all."""
     write_file(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
@@ -156,7 +163,7 @@ def _remove_leftovers(destination: Path) -> None:
     for kind in ("partial", "old"):
         for leftover in destination.parent.glob(f".{glob.escape(destination.name)}.{kind}-*"):
             pid = leftover.name.rpartition("-")[2]
-            if not pid.isdecimal() or _is_alive(int(pid)) or not leftover.is_dir():
+            if not pid.isdecimal() or is_alive(int(pid)) or not leftover.is_dir():
                 continue
             if kind == "old" and not destination.exists():
                 leftover.rename(destination)
@@ -164,7 +171,8 @@ def _remove_leftovers(destination: Path) -> None:
                 shutil.rmtree(leftover, ignore_errors=True)
 
 
-def _is_alive(pid: int) -> bool:
+def is_alive(pid: int) -> bool:
+    """Whether a process of this number runs on this machine."""
     try:
         os.kill(pid, 0)
     except ProcessLookupError:

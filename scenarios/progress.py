@@ -24,7 +24,8 @@ def progress(items: Iterable[Item], what: str, total: int) -> Iterator[Item]:
         if now_s - last_s >= SECONDS_BETWEEN_LINES or done == total:
             last_s = now_s
             rate = done / max(now_s - start_s, 1e-9)
-            print(f"{what}: {done} of {total}, {rate:.3g} / s", file=sys.stderr, flush=True)  # noqa: T201
+            left = f", {(total - done) / rate:.0f} s left" if done < total else ""
+            print(f"{what}: {done} of {total}, {rate:.3g} / s{left}", file=sys.stderr, flush=True)  # noqa: T201
 
 
 @contextmanager

@@ -1,11 +1,11 @@
 """A scenario told as a command: its differences from the plainest one, so that a failure can be seen again."""
 
-import json
 import shlex
 from typing import Any
 
 from scenarios.scenario import LeakTable, Scenario
 from scenarios.scenario_file import read_scenario
+from scenarios.scenario_toml import inline_toml
 
 PLAIN = "plain"
 NOT_TOLD = {"name", "description", "seed"}
@@ -19,11 +19,11 @@ def overrides(scenario: Scenario) -> list[str]:
         if table in NOT_TOLD or value == plain[table]:
             continue
         if isinstance(value, dict) and isinstance(plain[table], dict):
-            told += [f"{table}.{key}={_toml(item)}" for key, item in value.items() if item != plain[table][key]]
+            told += [f"{table}.{key}={inline_toml(item)}" for key, item in value.items() if item != plain[table][key]]
         elif table == "leak":
-            told.append(f"leak={_toml([_told_leak(leak) for leak in value])}")
+            told.append(f"leak={inline_toml([_told_leak(leak) for leak in value])}")
         else:
-            told.append(f"{table}={_toml(value)}")
+            told.append(f"{table}={inline_toml(value)}")
     return told
 
 
@@ -38,12 +38,3 @@ def _told_leak(leak: dict[str, Any]) -> dict[str, Any]:
     """Fields of a leak that are not the models' defaults."""
     default = {name: field.default for name, field in LeakTable.model_fields.items()}
     return {key: value for key, value in leak.items() if value is not None and value != default[key]}
-
-
-def _toml(value: Any) -> str:
-    """Inline TOML of plain data without nulls; JSON's scalars and lists are TOML's."""
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{key}={_toml(item)}" for key, item in value.items() if item is not None) + "}"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(_toml(item) for item in value) + "]"
-    return json.dumps(value)

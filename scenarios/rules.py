@@ -2,8 +2,8 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 
+from scenarios.mistakes import Violation
 from scenarios.scenario import MAX_DROPS_PER_LEAK, Scenario
 
 MAX_CLIP_PIXELS = 2_000_000_000
@@ -18,16 +18,6 @@ MOST_TRACKS_PER_CM2_GY = 1.8e9
 
 LONGEST_TRACK_UM = 300.0
 """Tracks that enter this far outside may reach the image."""
-
-
-@dataclass(frozen=True)
-class Violation:
-    """One broken rule: the key to blame, its value, the rule, and every key that the rule reads."""
-
-    key: str
-    value: object
-    rule: str
-    reads: tuple[str, ...]
 
 
 def violations(scenario: Scenario) -> list[Violation]:

@@ -1,5 +1,8 @@
 """Write a scenario as TOML that reads back to the same scenario."""
 
+import json
+from typing import Any
+
 import tomli_w
 
 from scenarios.scenario import Scenario
@@ -8,3 +11,12 @@ from scenarios.scenario import Scenario
 def scenario_toml(scenario: Scenario) -> str:
     """Return the scenario as TOML with every value, defaults included, so that it stands alone."""
     return tomli_w.dumps(scenario.model_dump(exclude_none=True))
+
+
+def inline_toml(value: Any) -> str:
+    """Inline TOML of plain data without nulls; JSON's scalars and lists are TOML's."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key}={inline_toml(item)}" for key, item in value.items() if item is not None) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(inline_toml(item) for item in value) + "]"
+    return json.dumps(value)

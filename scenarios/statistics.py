@@ -51,6 +51,22 @@ def clopper_pearson(k: int, n: int, confidence: float = 0.95) -> tuple[float, fl
     return low, high
 
 
+def median_interval(values: Sequence[float], confidence: float = 0.95) -> tuple[float, float, float]:
+    """Median of a sample, and the interval between two of its values that holds the distribution's median.
+
+    Distribution-free: the number of values below the median is binomial with 1/2 (Conover, Practical Nonparametric
+    Statistics, 3.2). The ends are NaN below 6 values, with which no interval of 95 % exists; all are without any.
+    """
+    sample = np.sort(np.asarray(values, dtype=float))
+    if len(sample) == 0:
+        return math.nan, math.nan, math.nan
+    outside = int(binom.ppf((1.0 - confidence) / 2.0, len(sample), 0.5))
+    outside -= binom.cdf(outside, len(sample), 0.5) > (1.0 - confidence) / 2.0
+    if outside < 0:
+        return float(np.median(sample)), math.nan, math.nan
+    return float(np.median(sample)), float(sample[outside]), float(sample[-1 - outside])
+
+
 def sequential_test(  # noqa: PLR0913  the five numbers that define Wald's test
     trial: Callable[[int], bool],
     *,

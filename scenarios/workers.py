@@ -56,13 +56,13 @@ def _done_by_one_pool(
     work: Callable[[Item], Result], items: Sequence[Item], numbers: Sequence[int], n_workers: int
 ) -> Iterator[tuple[int, Result]]:
     spawn = multiprocessing.get_context("spawn")  # forking a process that runs threads can hang
-    with ProcessPoolExecutor(n_workers, mp_context=spawn, initializer=_begin_worker) as pool:
+    with ProcessPoolExecutor(n_workers, mp_context=spawn, initializer=begin_worker) as pool:
         number_of = {pool.submit(work, items[number]): number for number in numbers}
         for future in as_completed(number_of):
             yield number_of[future], future.result()
 
 
-def _begin_worker() -> None:
+def begin_worker() -> None:
     """One thread of OpenCV, for items are the parallel unit; and no life after the parent's."""
     cv2.setNumThreads(1)
     parent = multiprocessing.parent_process()

@@ -16,6 +16,7 @@ MAY_IMPORT = {
     "scenarios": {
         *{"numpy", "scipy", "cv2", "pydantic", "click", "matplotlib", "tqdm", "tomli_w"},
         "hypothesis",  # its strategies, in space.py, imported where they are used
+        "distributed",  # an extra, imported where a campaign runs on a Dask cluster
         *PACKAGES,
     },
 }

@@ -27,6 +27,7 @@ def test_the_packages_come_with_their_data_and_type_marks(installed):
         assert (installed / package / "py.typed").is_file()
     shipped = {path.name for path in (installed / "scenarios" / "library").iterdir()}
     assert shipped == {path.name for path in (ROOT / "scenarios" / "library").iterdir()}
+    assert (installed / "scenarios" / "campaigns" / "noise.toml").is_file()
     assert not (installed / "tests").exists()
 
 
