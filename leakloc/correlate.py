@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from leakloc.fall import FallPath, fallen
 from leakloc.streaks import Activity, Streaks
@@ -98,7 +98,7 @@ def stereo_step(views: Sequence[Streaks]) -> dict[str, float]:
 def threshold_sigmas(n_pairs: float | Array, expected_false: float) -> Array:
     """Significance that unrelated columns exceed `expected_false` times in n_pairs pairs, over all looks."""
     trials = np.maximum(1.0, KINDS * np.asarray(n_pairs) / CELL_PX**2)
-    return np.asarray(norm.isf(np.minimum(0.5, expected_false / trials)))
+    return np.asarray(-ndtri(np.minimum(0.5, expected_false / trials)))
 
 
 def _samples(activity: Activity, fold: int) -> NDArray[np.float32]:
