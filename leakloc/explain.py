@@ -168,7 +168,7 @@ def judge(line: Line, views: Sequence[Streaks], stage: tuple[LevelPair, Rig], fo
             return Verdict(line, SHADOW_OF_LEAK)
     if not np.isfinite(level.places_of(start_px[None])).all():
         return Verdict(line, NO_MEETING)
-    fit = fit_line(profiles, start_px, level, rig)
+    fit = fit_line(profiles, start_px, level, rig, line.columns_px if shadowy else None)
     place_m = level.places_of(fit.columns_px[None])[0]
     if not np.isfinite(place_m).all():
         return Verdict(line, NO_MEETING)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -24,6 +24,7 @@ LAMP_SPREAD = 0.3  # of the logarithm of one lamp's power over another's
 LAMP_ERROR_M, WALL_ERROR = 0.05, 0.01  # how well lamp and wall (share of its radius) are believed to be known
 WIDTH_SPREAD = 0.15  # of the logarithm of a shadow's width
 WINDOW_PX = 25
+DARK_PX = 1.5  # standard deviation of a seen shadow's columns, which its drop may have pulled
 STRAY_PX = 1.5  # of a drop from where it was seen, lest it slides onto its shadow
 MODEL_ERROR = 0.02  # of the profile's peak: what the shapes cannot follow
 
@@ -132,6 +133,15 @@ def _shadow(place_m: Array, lamp: Array, level: LevelPair, radius_m: float) -> t
     )
 
 
+def _with_shadow(expected: Prediction, dark_px: Array) -> Prediction:
+    """The prediction with a shadow that is seen and not told: crisp, on these columns to within DARK_PX."""
+    told = np.full_like(expected.shadows_px, np.nan)
+    first = told.copy()
+    first[0] = 1.0
+    told[0] = dark_px
+    return replace(expected, shadows_px=told, lamp_blur_px=first, drop_px=first, spread_px=DARK_PX * first)
+
+
 class _Problem:
     """Residuals of one leak's model.
 
@@ -140,9 +150,11 @@ class _Problem:
     wall put them, and the logarithm of its width over the predicted one.
     """
 
-    def __init__(self, profiles: Sequence[Profile], start_px: Array, level: LevelPair, rig: Rig) -> None:
+    def __init__(
+        self, profiles: Sequence[Profile], start_px: Array, stage: tuple[LevelPair, Rig], dark_px: Array | None
+    ) -> None:
         width = len(profiles[0].values)
-        self.level, self.rig = level, rig
+        self.level, self.rig = level, rig = stage
         self.columns = [
             np.arange(max(0, round(c) - WINDOW_PX), min(width, round(c) + WINDOW_PX + 1)).astype(np.float64)
             for c in start_px
@@ -152,6 +164,9 @@ class _Problem:
             float(np.hypot(p.sigma, MODEL_ERROR * np.abs(d).max())) for p, d in zip(profiles, self.data, strict=True)
         ]
         self.expected = predict(level.places_of(start_px[None])[0], level, rig)
+        self.dark_px = dark_px if np.isnan(self.expected.shadows_px).all() else None
+        if self.dark_px is not None:
+            self.expected = _with_shadow(self.expected, self.dark_px)
         reach_px = WINDOW_PX + self.expected.blur_px
         self.shadows = np.flatnonzero((np.abs(self.expected.shadows_px - start_px) < reach_px).any(axis=1))
         self.lamps = len(self.expected.glints_px)
@@ -187,11 +202,13 @@ class _Problem:
 
     def shadows_px(self, theta: Array) -> Array:
         """Columns (shadows, 2) of the shadows."""
+        strays = theta[self.first :].reshape(-1, 3)[:, :2]
+        if self.dark_px is not None:
+            return np.asarray(self.dark_px + strays)
         place_m = self.level.places_of(theta[None, :2])[0]
         told = np.full((self.lamps, 2), np.nan)
         if np.isfinite(place_m).all():
             told = predict_shadows(place_m, self.level, self.rig)
-        strays = theta[self.first :].reshape(-1, 3)[:, :2]
         told = told[self.shadows]
         return np.where(np.isnan(told), theta[:2], told) + strays  # at the wall a drop stands on its shadow
 
@@ -206,9 +223,14 @@ class _Problem:
         return np.concatenate([*(self.amplitudes(theta, view)[1] for view in range(2)), theta[2:] / self.spreads])
 
 
-def fit_line(profiles: Sequence[Profile], start_px: Array, level: LevelPair, rig: Rig) -> LineFit:
-    """Least-squares fit of both views' profiles; start_px (2,): the drop's columns to within a pixel or two."""
-    problem = _Problem(profiles, start_px, level, rig)
+def fit_line(
+    profiles: Sequence[Profile], start_px: Array, level: LevelPair, rig: Rig, dark_px: Array | None = None
+) -> LineFit:
+    """Least-squares fit of both views' profiles; start_px (2,): the drop's columns to within a pixel or two.
+
+    dark_px (2,): columns of a shadow that is seen beside the drop, which counts where lamp and wall tell of none.
+    """
+    problem = _Problem(profiles, start_px, (level, rig), dark_px)
     bounds = problem.bounds()
     found = least_squares(problem.residuals, problem.start, bounds=bounds, max_nfev=20, ftol=1e-4, xtol=1e-4, gtol=1e-4)
     light, rest = zip(*(problem.amplitudes(found.x, view) for view in range(2)), strict=True)

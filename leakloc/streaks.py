@@ -27,6 +27,7 @@ ROUNDING_GREY = 12**-0.5  # standard deviation of rounding to whole grey
 BRIGHTNESS_BINS = 8
 NOISE_STEP_PX = 7  # every seventh row and column is enough to measure the noise
 FLICKER_STEP_PX = 5
+DEAD = 0.01  # energy of a band without noise, so that in a clip without any all bands are alike
 TILE_PX = 32  # columns that share one noise scale,
 TILE_STEP_PX = 3  # and every how many of them are asked
 
@@ -57,8 +58,8 @@ def streaks(frames: Frames) -> Streaks:
     sums -= temporal_median(sums).grey.astype(np.float32)
     noise = band_noise(sums)
     scale = np.maximum(noise, ROUNDING_GREY * np.sqrt(band_rows))
-    energy = (noise / scale).astype(np.float64) ** 2
-    alive = energy.sum(axis=0) ** 2 / np.maximum(len(energy) * (energy**2).sum(axis=0), 1e-12)
+    energy = np.maximum((noise / scale).astype(np.float64) ** 2, DEAD)
+    alive = energy.sum(axis=0) ** 2 / (len(energy) * (energy**2).sum(axis=0))
     sums /= scale
     sums -= np.median(
         sums[:, :, ::FLICKER_STEP_PX], axis=2, keepdims=True
