@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import cv2
@@ -13,6 +14,7 @@ from leakloc.rig import Array, Rig
 
 VIEWS = ("left", "right")
 SAME_PX = 0.02  # a view that levelling would move by less is used as it is
+SLOPE_STEP = 0.1  # px or m
 UP = np.array([0.0, 0.0, 1.0])
 LEAST_HORIZONTAL = 0.2  # share of the baseline: cameras above one another give no two columns
 
@@ -52,6 +54,14 @@ class LevelPair:
         across_m = slopes[..., 0] * ahead_m
         return self.centres_m[0, :2] + across_m[..., None] * self.axes[0, :2] + ahead_m[..., None] * self.axes[2, :2]
 
+    def place_slopes(self, columns_px: Array) -> Array:
+        """Change of the place with either column, (2, 2) m per px, at columns (2,)."""
+        return _slopes(self.places_of, columns_px)
+
+    def column_slopes(self, place_m: Array) -> Array:
+        """Change of both columns with the place, (2, 2) px per m, at a place (2,)."""
+        return _slopes(self.columns_of, place_m)
+
     def depths_m(self, places_m: ArrayLike) -> Array:
         """Distance ahead of the baseline, (n,) m."""
         return self._across_ahead(places_m)[1]
@@ -59,6 +69,12 @@ class LevelPair:
     def _across_ahead(self, places_m: ArrayLike) -> tuple[Array, Array]:
         offset_m = np.asarray(places_m, dtype=np.float64) - self.centres_m[0, :2]
         return offset_m @ self.axes[0, :2], offset_m @ self.axes[2, :2]
+
+
+def _slopes(function: Callable[[Array], Array], at: Array) -> Array:
+    """Central differences of a function of points (n, 2)."""
+    steps = SLOPE_STEP * np.eye(2)
+    return np.stack([(function((at + s)[None])[0] - function((at - s)[None])[0]) / (2 * SLOPE_STEP) for s in steps], 1)
 
 
 def level_pair(rig: Rig) -> LevelPair:

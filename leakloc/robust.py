@@ -15,7 +15,7 @@ from leakloc.background import Frames
 from leakloc.condition import alike_frames, describe_clip, row_offset
 from leakloc.correlate import agreement, stereo_step, threshold_sigmas
 from leakloc.estimate import Estimate, LeakEstimate
-from leakloc.explain import BEYOND_WALL, LEAK, LEAST_DEPTH_M, Verdict, explain_tracks
+from leakloc.explain import BEYOND_WALL, LEAST_DEPTH_M, explain_tracks
 from leakloc.fall import fall_paths
 from leakloc.gravity import free_fall
 from leakloc.levelled import VIEWS, LevelPair, level_pair, levelled_frames
@@ -25,6 +25,7 @@ from leakloc.rig import Array, Rig
 from leakloc.streaks import Streaks, streaks
 from leakloc.tilt import leaning_columns, level_under, tilted_rig, upright
 from leakloc.tracks import Track, shared_tracks
+from leakloc.verdict import LEAK, Verdict
 
 EDGE_PX = 3
 COUNT_STEP = 4  # columns that share a threshold
@@ -153,13 +154,7 @@ def _leak(verdict: Verdict, level: LevelPair, rig: Rig) -> LeakEstimate:
     place_m = level.places_of(columns_px[None])[0]
     drop_px = DROP_RADIUS_M * level.focal_px / float(level.depths_m(place_m[None])[0])
     covariance = verdict.fit.covariance_px2 + (SYSTEMATIC_RADII * drop_px) ** 2 * np.eye(2)
-    slopes = np.stack(
-        [
-            (level.places_of((columns_px + step)[None])[0] - level.places_of((columns_px - step)[None])[0]) / 0.2
-            for step in 0.1 * np.eye(2)
-        ],
-        axis=1,
-    )
+    slopes = level.place_slopes(columns_px)
     left_px, right_px = raw_columns(place_m, rig)
     return LeakEstimate(
         x_m=float(place_m[0]),

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from leakloc.linefit import Profile
-from leakloc.streaks import Activity
+from leakloc.streaks import Activity, Streaks
 
 Signature = NDArray[np.float64]  # (frames, bands), positive while something passes
 
@@ -42,3 +44,9 @@ def signed_profile(activity: Activity, other_view: Signature) -> Profile:
     values = (weights.ravel() @ activity.reshape(n * bands, width)).astype(np.float64)
     values -= np.median(values)
     return Profile(values, max(1.4826 * float(np.median(np.abs(values))), LEAST_SIGMA))
+
+
+def signed_profiles(views: Sequence[Streaks], columns_px: NDArray[np.float64], polarity: float) -> list[Profile]:
+    """Both views' profiles of a line at columns (2,), each by the other view's signature."""
+    left, right = (signature(view.activity, int(c), polarity) for view, c in zip(views, columns_px, strict=True))
+    return [signed_profile(views[0].activity, right), signed_profile(views[1].activity, left)]
