@@ -17,10 +17,10 @@ demo: $(VENV)/.run  ## simulate three leaks, find them, score them: demo/report.
 	@$(BIN)/leakloc demo -o demo --force
 
 test: $(VENV)/.dev  ## the test suite, under 5 minutes on 2 cores
-	@$(TEST_ENV) $(BIN)/python -m pytest -n 2 -m "not deep"
+	@$(TEST_ENV) $(BIN)/python -m pytest -n 2 --dist loadgroup -m "not deep"
 
 deep: $(VENV)/.dev  ## fresh seeds and the slow physics (long)
-	@$(TEST_ENV) HYPOTHESIS_PROFILE=deep $(BIN)/python -m pytest -n 2
+	@$(TEST_ENV) HYPOTHESIS_PROFILE=deep $(BIN)/python -m pytest -n 2 --dist loadgroup
 
 defects: $(VENV)/.dev  ## plant faults one at a time; the tests must kill each (some 3 minutes)
 	@$(BIN)/python tests/defects/run.py

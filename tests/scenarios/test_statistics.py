@@ -18,6 +18,8 @@ from scenarios.statistics import (
     sequential_test,
 )
 
+pytestmark = [pytest.mark.statistical, pytest.mark.usefixtures("fresh_draws")]
+
 
 def coin(rate, salt=0):
     """A trial that succeeds at a rate: the same seed, the same outcome."""
