@@ -8,7 +8,7 @@ PIP    := $(BIN)/python -m pip --disable-pip-version-check --quiet
 TEST_ENV := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test deep defects lint bench clean
+.PHONY: help demo test deep defects flake lint bench clean
 
 help:  ## list the commands
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 10
@@ -17,13 +17,16 @@ demo: $(VENV)/.run  ## simulate three leaks, find them, score them: demo/report.
 	@$(BIN)/leakloc demo -o demo --force
 
 test: $(VENV)/.dev  ## the test suite, under 5 minutes on 2 cores
-	@$(TEST_ENV) $(BIN)/python -m pytest -n 2 -m "not deep"
+	@$(TEST_ENV) $(BIN)/python -m pytest -n 2 --dist loadgroup -m "not deep"
 
 deep: $(VENV)/.dev  ## fresh seeds and the slow physics (long)
-	@$(TEST_ENV) HYPOTHESIS_PROFILE=deep $(BIN)/python -m pytest -n 2
+	@$(TEST_ENV) HYPOTHESIS_PROFILE=deep $(BIN)/python -m pytest -n 2 --dist loadgroup
 
 defects: $(VENV)/.dev  ## plant faults one at a time; the tests must kill each (some 3 minutes)
 	@$(BIN)/python tests/defects/run.py
+
+flake: $(VENV)/.dev  ## three random orders of the suite, twenty fresh seeds of what is statistical (an hour)
+	@$(BIN)/python tests/flake/run.py
 
 lint: $(VENV)/.dev  ## style and types
 	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy

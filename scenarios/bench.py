@@ -15,7 +15,7 @@ from scipy.stats import binomtest
 from scenarios.estimators import Broken, EstimatorSpec, run_estimator
 from scenarios.outcome import outcomes
 from scenarios.score import score
-from scenarios.simulate import simulate
+from scenarios.simulate import SimulatedClip, simulate
 from scenarios.space import STRATA, scene_of
 from scenarios.statistics import clopper_pearson
 from scenarios.truth import LeakTruth, Truth
@@ -26,7 +26,10 @@ WORSE_ALPHA = 0.05
 
 @dataclass(frozen=True)
 class Trial:
-    """One clip: counts, codes and errors. `disparity_errors_px` are errors over Z^2/(fB), of observable leaks found."""
+    """One clip: counts, codes and errors.
+
+    `errors_m` are those of observable leaks found, `disparity_errors_px` the same over Z^2/(fB).
+    """
 
     stratum: str
     number: int
@@ -37,6 +40,7 @@ class Trial:
     codes: tuple[str, ...]
     disparity_errors_px: tuple[float, ...]
     detail: str = ""
+    errors_m: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -57,7 +61,11 @@ def run_bench(estimator: EstimatorSpec, n_scenes: int, seed: int, n_workers: int
 
 def run_trial(work: Work) -> Trial:
     """Simulate one scene, run the estimator on it and say what came out."""
-    clip = simulate(scene_of(work.stratum, work.number, work.seed))
+    return trial_on(simulate(scene_of(work.stratum, work.number, work.seed)), work)
+
+
+def trial_on(clip: SimulatedClip, work: Work) -> Trial:
+    """Run the estimator on the clip of its scene, rendered before, and say what came out."""
     answer = run_estimator(work.estimator, clip)
     of = {which: sum(counts(leak) for leak in clip.truth.leaks) for which, counts in COUNTED.items()}
     if isinstance(answer, Broken):
@@ -76,11 +84,8 @@ def run_trial(work: Work) -> Trial:
     scored = score([(leak.x_m, leak.y_m) for leak in answer.leaks], clip.truth)
     gated, codes = scored.gated, outcomes(answer, clip.truth, scored)
     observable = {leak.id: leak for leak in clip.truth.leaks if leak.observable}
-    errors_px = tuple(
-        pair.error_m / metres_per_px(clip.truth, observable[pair.leak_id])
-        for pair in gated.pairs
-        if pair.leak_id in observable
-    )
+    counted = [pair for pair in gated.pairs if pair.leak_id in observable]
+    errors_px = tuple(pair.error_m / metres_per_px(clip.truth, observable[pair.leak_id]) for pair in counted)
     return Trial(
         work.stratum,
         work.number,
@@ -90,6 +95,7 @@ def run_trial(work: Work) -> Trial:
         len(gated.false),
         (*codes.leaks.values(), *codes.estimates.values()),
         errors_px,
+        errors_m=tuple(pair.error_m for pair in counted),
     )
 
 

@@ -147,6 +147,31 @@ def test_one_more_leak_elsewhere_leaves_the_others_found(clip, method):
     assert_close(answer, np.array([(leak.x_m, leak.y_m) for leak in more.truth.leaks]), more.believed_rig)
 
 
+def test_mirroring_the_scene_mirrors_the_places(found, method):
+    # the wall's rust does not mirror along, nor does the noise
+    other_side = LEAKS.replace("y_m=0.5", "y_m=-0.5").replace("y_m=-0.4", "y_m=0.4")
+    mirrored = simulate(read_scenario("crowded_1", [*SMALL, other_side]))
+    answer = places(mirrored.left, mirrored.right, mirrored.believed_rig, method)
+    assert_close(answer, found[:2] * [1.0, -1.0], mirrored.believed_rig)
+
+
+def test_turning_rig_lamp_and_leaks_about_the_pedestals_axis_turns_the_places(clip, found, method):
+    angle_deg = 40.0
+    c, s = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
+    turn = np.array([[c, -s], [s, c]])
+    leaks = ",".join(f"{{x_m={x:.6f},y_m={y:.6f},{DRIP}}}" for x, y in np.array([(0.3, 0.5), (0.9, -0.4)]) @ turn.T)
+    changes = [
+        f"leak=[{leaks}]",
+        f"rig.position_m=[{-2.4 * c:.6f}, {-2.4 * s:.6f}, 0.0]",
+        f"lamp.0.position_m=[{-2.3 * c:.6f}, {-2.3 * s:.6f}, 0.4]",
+        f"rig.yaw_deg={angle_deg}",
+        f"believed_rig.yaw_deg={angle_deg}",
+    ]
+    turned = simulate(read_scenario("crowded_1", [*SMALL, *changes]))
+    answer = places(turned.left, turned.right, turned.believed_rig, method)
+    assert_close(answer @ turn, found[:2], clip.believed_rig)  # turned back
+
+
 def test_two_clips_superposed_have_the_leaks_of_both(method):
     # the light of drops adds up over the same still background; so does noise, hence little
     quiet = ["gamma.dose_rate_gy_h=0.0", "effects.shot_noise=false", "sensor.read_noise_e=1.0"]

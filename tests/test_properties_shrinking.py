@@ -1,7 +1,12 @@
 """A failure shrinks to the plainest scene that still fails, and is told as a command that replays it."""
 
+import os
+import re
 import shlex
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -53,6 +58,27 @@ def test_an_estimator_blind_below_20_cm_is_shown_with_one_leak_no_noise_and_a_ba
     )
     again = read_scenario("plain", [w for w in shlex.split(command) if "=" in w])
     assert misses_a_leak_of_a_rendered_clip(again)
+
+
+@pytest.mark.deep
+def test_a_suite_fails_on_a_broken_estimator_and_prints_the_plainest_scene_as_a_command_that_replays_it():
+    here = Path(__file__).parent / "scenarios"
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(here), str(here.parents[1])])}
+    words = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", str(here / "suite_of_a_broken_estimator.py")]
+    suite = subprocess.run(words, env=environment, capture_output=True, text=True, check=False)
+    assert suite.returncode == 1, suite.stdout
+    command = re.search(r"replay: (leakloc explain plain .* --estimator \S+)$", suite.stdout, re.MULTILINE).group(1)
+    print(command)  # noqa: T201
+    # one leak where the plain scene has it, no radiation, level, and 15 cm: nothing else is told
+    assert command == (
+        "leakloc explain plain --set rig.baseline_m=0.15 --set rig.width_px=480 --set rig.height_px=270 "
+        "--estimator foreign_estimators:blind_below_20_cm"
+    )
+    replayed = [sys.executable, "-m", "scenarios", *shlex.split(command)[1:]]
+    again = subprocess.run(replayed, env=environment, capture_output=True, text=True, check=False)
+    print(again.stdout)  # noqa: T201
+    assert re.search(r"^\(as it is\) +missed\.unexplained", again.stdout, re.MULTILINE), again.stdout + again.stderr
+    assert "leak 0 is found without: none of these alone" in again.stdout
 
 
 @settings(max_examples=50)

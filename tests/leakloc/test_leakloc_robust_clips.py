@@ -1,7 +1,9 @@
 """The robust method on simulated clips: a few scenes with fixed seeds; the tables are in the deep tests."""
 
 from dataclasses import replace
+from functools import cache
 
+import numpy as np
 import pytest
 
 from leakloc import locate
@@ -10,6 +12,7 @@ from scenarios.score import score
 from scenarios.simulate import simulate
 
 
+@cache
 def scored(preset, seed, *changes, **options):
     clip = simulate(read_scenario(preset, list(changes), seed=seed))
     estimate = locate(clip.left, clip.right, clip.believed_rig, method="robust", **options)
@@ -22,6 +25,17 @@ def test_every_observable_leak_is_found_within_centimetres_and_none_is_invented(
     assert result.observable.found == result.observable.of > 0
     assert result.false == ()
     assert result.worst_error_m < 0.06
+
+
+def test_the_covariance_is_long_along_the_line_of_sight_and_short_across_it():
+    _, estimate = scored("crowded_1", 7)
+    assert len(estimate.leaks) == 3
+    for leak in estimate.leaks:
+        variances_m2, axes = np.linalg.eigh(leak.covariance_m2)
+        sight = np.array([leak.x_m + 2.4, leak.y_m])
+        # both cameras stand 0.25 m beside the middle of the baseline: 6 deg at 2.4 m
+        assert abs(axes[:, 1] @ sight) > np.cos(np.radians(6.0)) * np.linalg.norm(sight)
+        assert variances_m2[1] > 9 * variances_m2[0]
 
 
 @pytest.mark.parametrize("seed", [7, 1004])

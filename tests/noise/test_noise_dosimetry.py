@@ -9,6 +9,8 @@ from noise.bank import BankKey
 from noise.bright import BrightModel
 from noise.footprints import footprints_for
 
+pytestmark = [pytest.mark.statistical, pytest.mark.usefixtures("fresh_draws")]
+
 EXPOSURE_S = 1 / 12
 
 

@@ -19,6 +19,8 @@ from noise import (
 from noise.compton import cross_section_b, crossing_electrons, edge_kev, recoil_angle_cos, recoil_spectrum_b_kev
 from noise.silicon import csda_range_um, energy_after_kev, stopping_power_mev_cm2_g, transport_free_path_um
 
+pytestmark = [pytest.mark.statistical, pytest.mark.usefixtures("fresh_draws")]
+
 HD = (540, 960)
 EXPOSURE_S = 1 / 12
 

@@ -12,6 +12,8 @@ from scipy.optimize import minimize
 
 from noise import GammaField, Sensor, add_noise
 
+pytestmark = [pytest.mark.statistical, pytest.mark.usefixtures("fresh_draws")]
+
 # fmt: off
 REAL_BINS = np.array(
     [5719.5, 1397.7, 858.8, 526.3, 358.2, 245.0, 169.4, 119.9, 98.1, 79.1, 64.3, 54.0, 47.5, 40.3, 35.4, 30.1,

@@ -11,6 +11,8 @@ import noise.exposure
 from noise import GammaField, Sensor, add_noise, converter_sensor
 from noise.exposure import Key, electrons_table, hot_pixels, normal_table
 
+pytestmark = [pytest.mark.statistical, pytest.mark.usefixtures("fresh_draws")]
+
 NO_GAMMA = GammaField(0.0)
 SHAPE = (200, 250)
 

@@ -16,6 +16,8 @@ from noise.irradiation import Irradiation
 from noise.silicon import PAIR_ENERGY_KEV
 from noise.tracks import Stamps, draw_stamps, stamp_charge
 
+pytestmark = [pytest.mark.statistical, pytest.mark.usefixtures("fresh_draws")]
+
 H = 10.0
 EXPOSURE_S = 1 / 12
 HD = (540, 960)
@@ -206,10 +208,9 @@ def test_azimuth_is_where_the_charge_goes():
     assert np.mean(ahead) > 1.0
 
 
-def test_straight_tracks_touch_nine_and_a_half_percent_of_the_pixels_at_h(h_frames):
-    """The chords of the hit table, drawn in steps of a fiftieth of a pixel over a frame."""
+def share_touched(hits):
+    """Share of a frame's pixels that straight chords cross, drawn in steps of a fiftieth of a pixel."""
     touched = np.zeros(HD, dtype=bool)
-    hits = h_frames[0].hits
     length = np.minimum(hits.length_px, 300)  # the longest electron goes 888 um
     steps = np.ceil(length * 50).astype(int) + 1
     owner = np.repeat(np.arange(len(hits)), steps)
@@ -218,7 +219,14 @@ def test_straight_tracks_touch_nine_and_a_half_percent_of_the_pixels_at_h(h_fram
     y = np.floor(hits.y_px[owner] + along * np.sin(hits.azimuth_rad[owner]) + 0.5).astype(int)
     inside = (x >= 0) & (x < HD[1]) & (y >= 0) & (y < HD[0])
     touched[y[inside], x[inside]] = True
-    assert 0.093 < touched.mean() < 0.097
+    return touched.mean()
+
+
+def test_straight_tracks_touch_nine_and_a_half_percent_of_the_pixels_at_h(h_frames):
+    """The chords of the hit table; a few long tracks make single frames scatter by some per cent."""
+    shares = [share_touched(frame.hits) for frame in h_frames[::6]]
+    # 5 standard errors of 8 frames are 0.0023; a single frame scatters by 0.0013
+    assert np.mean(shares) == pytest.approx(0.0955, abs=0.0025)
 
 
 # --- charge ---------------------------------------------------------------------------------------------------------

@@ -6,6 +6,8 @@ import time
 
 import numpy as np
 
+import leakloc
+
 
 def one_leak_on_the_axis(left, right, rig):
     assert left.dtype == np.uint8
@@ -52,3 +54,10 @@ def kills_its_caller_or_hangs(left, right, rig):
         os.kill(os.getppid(), signal.SIGKILL)
     time.sleep(60 if len(left) == 6 else 0)
     return []
+
+
+def blind_below_20_cm(left, right, rig):
+    """The robust method, broken on purpose: says nothing for baselines under 0.2 m."""
+    if np.linalg.norm(rig.T) < 0.2 - 1e-9:
+        return []
+    return leakloc.locate(left, right, rig)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from leakloc.paper import triangulate_columns
-from scenarios.bench import Trial, run_trial, summary, table, worse_than
+from scenarios.bench import Trial, metres_per_px, run_trial, summary, table, worse_than
 from scenarios.bench import Work as BenchWork
 from scenarios.cli_bench import BaselineError, read_baseline
 from scenarios.estimators import Broken, EstimatorError, EstimatorSpec, run_estimator
@@ -30,6 +30,13 @@ def clip():
 @pytest.fixture(autouse=True)
 def foreign_code(monkeypatch):
     monkeypatch.syspath_prepend(Path(__file__).parent)
+
+
+def test_a_pixel_of_disparity_is_worth_depth_squared_over_focal_length_and_baseline(clip):
+    # f = 48 / tan(35 deg) = 68.55: 2.4^2 / (68.55 * 0.5) at the axis, four times as much at twice the depth
+    near, far = (clip.truth.leaks[0].model_copy(update={"x_m": x_m, "y_m": 0.3}) for x_m in (0.0, 2.4))
+    assert metres_per_px(clip.truth, near) == pytest.approx(0.16805, abs=1e-4)
+    assert metres_per_px(clip.truth, far) == pytest.approx(4 * 0.16805, abs=4e-4)
 
 
 def run_callable(name, clip, timeout_s=30.0):

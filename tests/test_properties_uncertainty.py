@@ -1,0 +1,67 @@
+"""The covariance that the robust method reports is what its errors are: its 95 % region holds the truth that often."""
+
+import numpy as np
+import pytest
+from scipy.stats import binom, chi2
+
+import leakloc
+from scenarios.scenario_file import read_scenario
+from scenarios.score import score
+from scenarios.simulate import simulate
+
+FIRST_SEED = 2000
+REGION = chi2.ppf(0.95, 2)  # 5.99
+
+
+def squared_distances(n_clips: int, harness_seed: int) -> np.ndarray:
+    """Squared Mahalanobis distance of every found leak of clips of the paper's `separated` setting."""
+    first = FIRST_SEED + 1000 * harness_seed
+    found = []
+    for seed in range(first, first + n_clips):
+        clip = simulate(read_scenario("separated", [], seed=seed))
+        estimate = leakloc.locate(clip.left, clip.right, clip.believed_rig, method="robust")
+        truth = {leak.id: np.array([leak.x_m, leak.y_m]) for leak in clip.truth.leaks}
+        for pair in score([(leak.x_m, leak.y_m) for leak in estimate.leaks], clip.truth).gated.pairs:
+            leak = estimate.leaks[pair.estimate]
+            error_m = np.array([leak.x_m, leak.y_m]) - truth[pair.leak_id]
+            found.append(float(error_m @ np.linalg.solve(leak.covariance_m2, error_m)))
+    return np.array(found)
+
+
+def assert_calibrated(distances2: np.ndarray, coverage: tuple[float, float], alpha: float = 1e-3) -> None:
+    """Refuse a share inside the 95 % region that a coverage in the range gives with a probability below alpha."""
+    n, inside = len(distances2), int((distances2 <= REGION).sum())
+    least, most = binom.ppf(alpha, n, coverage[0]), binom.isf(alpha, n, coverage[1])
+    assert least <= inside <= most, f"{inside} of {n} inside, {least:g} to {most:g} allowed"
+    assert inside < n, "regions that never miss are too large"
+
+
+@pytest.mark.statistical
+def test_the_95_percent_region_holds_the_truth_in_90_to_98_percent_of_leaks(harness_seed):
+    # 24 clips, 60 leaks: 54 to 59 are 90 to 98 %; chance alone is +-1.7 leaks at 95 %
+    distances2 = squared_distances(24, harness_seed)
+    assert len(distances2) >= 50
+    # the sample's own share within 90-98 % of 60 leaks would flake in one seed of seven: alpha is on top
+    assert_calibrated(distances2, (0.90, 0.98))
+    if harness_seed == 0:
+        assert 0.90 <= (distances2 <= REGION).mean() <= 0.98
+
+
+@pytest.mark.deep
+def test_the_95_percent_region_holds_the_truth_in_93_to_97_percent_of_many_leaks(harness_seed):
+    # 400 clips, 1000 leaks: chance alone is +-0.7 %
+    distances2 = squared_distances(400, harness_seed)
+    share = (distances2 <= REGION).mean()
+    print(f"{share:.3f} of {len(distances2)} inside, seed {harness_seed}")  # noqa: T201
+    assert_calibrated(distances2, (0.93, 0.97), alpha=1e-2)
+
+
+@pytest.mark.parametrize(("scale", "calibrated"), [(1.0, True), (2.0, False), (0.25, False)])
+def test_a_covariance_twice_too_small_or_four_times_too_large_is_caught(scale, calibrated):
+    # `scale`: of squared distances. At a quarter 99.96 % are inside, at twice 77.6 %
+    distances2 = scale * np.random.default_rng(5).chisquare(2, 400)
+    if calibrated:
+        assert_calibrated(distances2, (0.93, 0.97))
+    else:
+        with pytest.raises(AssertionError, match=r"inside|too large"):
+            assert_calibrated(distances2, (0.93, 0.97))
