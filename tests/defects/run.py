@@ -17,7 +17,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 LIST = Path(__file__).with_name("defects.toml")
-TIMEOUT_S = 240
+TIMEOUT_S = 600
 LEFT_OUT = (".git", ".venv", "demo", ".hypothesis", ".pytest_cache", ".mypy_cache", ".ruff_cache", "__pycache__")
 
 
@@ -72,7 +72,7 @@ def run(defect: dict) -> Verdict:
                 command, cwd=root, env=environment, capture_output=True, text=True, timeout=TIMEOUT_S, check=False
             )
         except subprocess.TimeoutExpired:
-            return Verdict(defect["name"], killed=True, by="time-out", seconds=time.monotonic() - start_s)
+            return Verdict(defect["name"], killed=False, by="time-out: undecided", seconds=time.monotonic() - start_s)
         failed = [
             line.split(" ")[1].split("::")[-1]
             for line in done.stdout.splitlines()

@@ -53,6 +53,13 @@ def test_two_lamps_glints_are_told_apart_and_their_shadows_are_no_leaks():
     assert result.worst_error_m < 0.02
 
 
+def test_the_shadows_of_seven_leaks_are_no_leaks():
+    result, estimate = scored("seven", 1000)
+    assert result.observable.found == result.observable.of == 4
+    assert result.false == ()
+    assert "shadow of a leak" in {line["verdict"] for line in estimate.diagnostics["lines"]}
+
+
 @pytest.mark.parametrize("dose_rate_gy_h", [0.0, 10.0, 200.0])
 def test_a_clip_without_leaks_has_none(dose_rate_gy_h):
     _, estimate = scored("separated", 3, "layout.n_leaks=0", f"gamma.dose_rate_gy_h={dose_rate_gy_h}")
