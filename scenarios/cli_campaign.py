@@ -9,16 +9,13 @@ from typing import TYPE_CHECKING
 import click
 
 from scenarios.campaign_file import CAMPAIGNS, CampaignFile, read_campaign
-from scenarios.cli_options import FILE, FiniteRange, clear_errors
+from scenarios.cli_options import FILE, STOPPED, FiniteRange, clear_errors
 from scenarios.output_folder import check_apart, check_target, write_file
 
 if TYPE_CHECKING:
     from scenarios.estimators import EstimatorSpec
     from scenarios.lanes import Kind
     from scenarios.scene_work import SceneOutcome
-
-STOPPED = 130
-"""Exit code of a program that was interrupted, as shells have it."""
 
 
 @click.group(epilog=f"Shipped campaigns: {', '.join(CAMPAIGNS.names())}.")

@@ -10,7 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-MARKERS = ("clip.json", "dataset.json", "demo.json", "noise.json", "export.json")
+MARKERS = ("clip.json", "dataset.json", "demo.json", "noise.json", "export.json", "tables.json")
 """A folder that the tool made holds one of these, with a key "made_by"."""
 
 
