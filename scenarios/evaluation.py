@@ -13,6 +13,7 @@ from scenarios.campaign_file import CampaignFile, read_campaign
 from scenarios.lanes import Kind
 from scenarios.published import LEVELS_GY_H
 from scenarios.run_campaign import Running, Study, running_together
+from scenarios.scenario import Scenario
 from scenarios.store import Stored, read_store
 from scenarios.stored_run import Run
 
@@ -80,6 +81,14 @@ class Evaluation:
         """Return the settings of an experiment, in the order of its campaign."""
         (one,) = (one for one in EXPERIMENTS if one.name == experiment)
         return list(dict.fromkeys(one.setting(run.values[one.axis]) for run in self.results[experiment].runs))
+
+
+def scenario_of(evaluation: Evaluation) -> Scenario:
+    """Return the first separated scene at the strongest noise: figure 6 shows it, and all rigs and walls are its."""
+    return max(
+        (scene.scenario for scene in evaluation.files["separated"].scenes() if scene.repeat == 0),
+        key=lambda scenario: scenario.gamma.dose_rate_gy_h,
+    )
 
 
 def campaign_files(size: Size, overrides: Sequence[str] = ()) -> dict[str, CampaignFile]:

@@ -12,7 +12,7 @@ from matplotlib.patches import Circle
 import leakloc
 from leakloc.background import temporal_median
 from scenarios.build import true_rig
-from scenarios.evaluation import EXPERIMENTS, Evaluation
+from scenarios.evaluation import Evaluation, scenario_of
 from scenarios.figures import (
     ESTIMATE_COLOUR,
     PROFILE_COLOUR,
@@ -47,14 +47,6 @@ def figures_of(evaluation: Evaluation) -> dict[str, str]:
         runs = [evaluation.runs("multiple", setting, method)[:MAX_SCENES] for method in METHODS]
         figures[f"figure_8_{_slug(setting)}"] = figure_8(runs, scenario_of(evaluation))
     return figures
-
-
-def scenario_of(evaluation: Evaluation) -> Scenario:
-    """Return the first separated scene at the strongest noise: figure 6 shows it, and all rigs and walls are its."""
-    (experiment,) = (one for one in EXPERIMENTS if one.name == "separated")
-    scenes = evaluation.files["separated"].scenes()
-    strongest = evaluation.settings("separated")[-1]
-    return next(s.scenario for s in scenes if experiment.setting(s.arm.values[experiment.axis]) == strongest)
 
 
 def figure_6(scenario: Scenario) -> str:
@@ -117,10 +109,10 @@ def _draw_frames(panels: np.ndarray, side: str, view: np.ndarray) -> None:
     number = len(view) // 2
     gain = display_gain(view[number])
     residual = np.abs(view[number] - temporal_median(view).grey)
-    pictures = ((f"{side}, frame {number}", gain * view[number]), (f"{side}, |I - median|", RESIDUAL_GAIN * residual))
-    for panel, (title, grey) in zip(panels, pictures, strict=True):
-        panel.imshow(grey, cmap="gray", vmin=0.0, vmax=255.0, aspect="equal")
-        panel.set_title(title, fontsize=9)
+    pictures = ((f"frame {number}", gain, view[number]), ("|I - median|", RESIDUAL_GAIN, residual))
+    for panel, (title, brighter, grey) in zip(panels, pictures, strict=True):
+        panel.imshow(brighter * grey, cmap="gray", vmin=0.0, vmax=255.0, aspect="equal")
+        panel.set_title(f"{side}, {title}, brightened {brighter:.2g} times", fontsize=9)
         panel.set_axis_off()
 
 

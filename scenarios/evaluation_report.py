@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from html import escape
 
 from scenarios.campaign_summary import Found, number, told
-from scenarios.evaluation import EXPERIMENTS, Evaluation, Experiment
+from scenarios.evaluation import EXPERIMENTS, Evaluation, Experiment, scenario_of
 from scenarios.evaluation_bars import Bar
-from scenarios.evaluation_figures import MAX_SCENES, scenario_of
+from scenarios.evaluation_figures import MAX_SCENES
 from scenarios.evaluation_settings import assumptions
 from scenarios.evaluation_tables import Errors, Row, Tally
 from scenarios.evaluation_why import cures, differences, reasons

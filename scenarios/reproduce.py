@@ -7,9 +7,9 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
-from scenarios.evaluation import Evaluation, store_paths
+from scenarios.evaluation import Evaluation, scenario_of, store_paths
 from scenarios.evaluation_bars import bars_of, told_bars
-from scenarios.evaluation_figures import figures_of, scenario_of
+from scenarios.evaluation_figures import figures_of
 from scenarios.evaluation_report import Findings, report_html
 from scenarios.evaluation_settings import assumptions
 from scenarios.evaluation_tables import Row, as_data, rows_of, tables_csv
