@@ -118,6 +118,8 @@ def _changed(
 @contextmanager
 def evaluating(files: dict[str, CampaignFile], folder: Path, kind: Kind) -> Iterator[Running]:
     """Run what is not in the folder's stores yet; each outcome is in its store before it is yielded."""
+    for file in files.values():
+        file.scenes()  # mistakes are told before anything is made
     folder.mkdir(parents=True, exist_ok=True)
     with running_together(list(_studies(files, folder).values()), kind) as under_way:
         yield under_way

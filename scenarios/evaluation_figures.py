@@ -19,6 +19,7 @@ from scenarios.figures import (
     QUIET_COLOUR,
     STYLE,
     TRUTH_COLOUR,
+    brightened,
     display_gain,
     draw_columns,
     draw_view,
@@ -112,7 +113,7 @@ def _draw_frames(panels: np.ndarray, side: str, view: np.ndarray) -> None:
     pictures = ((f"frame {number}", gain, view[number]), ("|I - median|", RESIDUAL_GAIN, residual))
     for panel, (title, brighter, grey) in zip(panels, pictures, strict=True):
         panel.imshow(brighter * grey, cmap="gray", vmin=0.0, vmax=255.0, aspect="equal")
-        panel.set_title(f"{side}, {title}, brightened {brighter:.2g} times", fontsize=9)
+        panel.set_title(f"{side}, {title}{brightened(brighter)}", fontsize=9)
         panel.set_axis_off()
 
 

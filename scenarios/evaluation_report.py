@@ -4,6 +4,8 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
 
+import numpy as np
+
 from scenarios.campaign_summary import Found, number, told
 from scenarios.evaluation import EXPERIMENTS, Evaluation, Experiment, scenario_of
 from scenarios.evaluation_bars import Bar
@@ -25,7 +27,9 @@ NOTE = (
     "Leaks found, out of those that count; below, clips with all such leaks found and the 95 % interval "
     "(Clopper-Pearson) of their rate: clips are the trials, for leaks of one clip are not independent. Errors: mean ± "
     "standard deviation over found leaks, and the 95 % interval of the mean (bootstrap over clips; none with fewer "
-    f"than {FEWEST_CLIPS}). Near the wall is less than {NEAR_WALL_M:g} m from it; in brackets the number of leaks."
+    f"than {FEWEST_CLIPS}). One estimate from two columns wrongly matched can lie far outside and make a mean: the "
+    f"median stands beside it. Near the wall is less than {NEAR_WALL_M:g} m from it; means, in brackets the number of "
+    "leaks."
 )
 CAPTIONS = {
     "figure_6": "Figure 6: input pair, residual, column profiles with threshold (first separated scene, noise H).",
@@ -102,6 +106,7 @@ Column = tuple[str, Callable[[Row, Tally], str]]
 COLUMNS: tuple[Column, ...] = (
     *((which.replace("_", " "), lambda _, part, which=which: _rate(part.found[which])) for which in COUNTED),
     ("error (m)", lambda _, part: _error(part.error)),
+    ("median", lambda _, part: number(part.error.median_m, ".3f")),
     ("near the wall", lambda _, part: _split(part.near_wall)),
     ("elsewhere", lambda _, part: _split(part.elsewhere)),
     ("false / clip", lambda _, part: f"{part.false_per_clip:.2f}"),
@@ -135,7 +140,8 @@ def _rate(found: Found) -> str:
 
 
 def _error(error: Errors) -> str:
-    interval = f"<br>[{number(error.low_m, '.3f')}, {number(error.high_m, '.3f')}]"
+    """Mean and standard deviation, with the interval of the mean where there is one."""
+    interval = "" if np.isnan(error.low_m) else f"<br>[{error.low_m:.3f}, {error.high_m:.3f}]"
     return f"{number(error.mean_m, '.3f')} ± {number(error.sd_m, '.3f')}{interval}"
 
 

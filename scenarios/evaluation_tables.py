@@ -31,7 +31,7 @@ RULES: dict[str, Error] = {
 
 @dataclass(frozen=True)
 class Errors:
-    """Errors of found leaks, m: how many, mean, standard deviation (of the sample, ddof 0), interval of the mean.
+    """Errors of found leaks, m: how many, mean, standard deviation (ddof 0), median, and interval of the mean.
 
     NaN without any; the interval is NaN with fewer than five clips.
     """
@@ -39,6 +39,7 @@ class Errors:
     n: int
     mean_m: float
     sd_m: float
+    median_m: float
     low_m: float
     high_m: float
 
@@ -171,8 +172,9 @@ def _errors(clips: Clips, counts: Callable[[LeakOutcome], bool]) -> Errors:
     of_clips = [[error_m for leak, error_m in clip if error_m is not None and counts(leak)] for clip in clips]
     errors_m = np.array([error_m for clip in of_clips for error_m in clip])
     if not len(errors_m):
-        return Errors(0, *(float("nan"),) * 4)
-    return Errors(len(errors_m), float(errors_m.mean()), float(errors_m.std()), *mean_interval(of_clips))
+        return Errors(0, *(float("nan"),) * 5)
+    mean_m, sd_m, median_m = map(float, (errors_m.mean(), errors_m.std(), np.median(errors_m)))
+    return Errors(len(errors_m), mean_m, sd_m, median_m, *mean_interval(of_clips))
 
 
 def _tally_data(part: Tally) -> dict[str, Any]:

@@ -102,10 +102,9 @@ def _from_causes(causes: Sequence[Row]) -> Iterator[str]:
     for row in causes:
         without = row.paper_rule.error
         if row is not whole and without.n:
-            change = 1.0 - without.mean_m / error.mean_m
             yield (
-                f"The same clips {row.setting}: mean error {without.mean_m:.3f} m instead of {error.mean_m:.3f} m "
-                f"({'' if change >= 0 else '+'}{-change:.0%})."
+                f"The same clips {row.setting}: mean error {without.mean_m:.3f} m instead of {error.mean_m:.3f} m, "
+                f"median {without.median_m:.3f} m instead of {error.median_m:.3f} m."
             )
 
 

@@ -56,6 +56,11 @@ def display_gain(frame_grey: np.ndarray) -> float:
     return max(1.0, 212.0 / max(bright, 1.0))
 
 
+def brightened(gain: float) -> str:
+    """Say by how much a picture is brightened; nothing when it is not."""
+    return "" if gain < 1.05 else f", brightened {gain:.2g} times"
+
+
 def top_view(truth: Truth, estimates_m: Sequence[tuple[float, float]], scored: Score) -> str:
     """Top view with pedestal, fields of view, true leaks, estimates and error lines (paper's figure 7), as SVG."""
     with mpl.rc_context(STYLE):

@@ -103,6 +103,12 @@ def check_replaceable(destination: Path) -> None:
         raise OutputError(f"{destination}: is not empty and was not made by leakloc; it is never replaced")
 
 
+def check_same_kind(destination: Path, marker: str) -> None:
+    """Refuse a folder to replace that the tool made by another command: its marker is not the one to come."""
+    if (there := _markers(destination)) and there != {marker}:
+        raise OutputError(f"{destination}: is something else that leakloc made; it is not replaced by this")
+
+
 def check_apart(source: Path, destination: Path) -> None:
     """Refuse an output that is its own input, or inside it, or around it."""
     here, there = source.resolve(), destination.resolve()

@@ -7,6 +7,7 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
+from scenarios.campaign_summary import number
 from scenarios.evaluation import Evaluation, scenario_of, store_paths
 from scenarios.evaluation_bars import bars_of, told_bars
 from scenarios.evaluation_figures import figures_of
@@ -61,7 +62,18 @@ def as_json(evaluation: Evaluation, findings: Findings) -> dict[str, Any]:
 
 def table(rows: Sequence[Row]) -> str:
     """Return the tables as text, by the paper's rule: found of all, in-view and observable leaks, and errors."""
-    head = ["experiment", "setting", "method", "clips", "all", "in view", "observable", "error m", "near wall"]
+    head = [
+        "experiment",
+        "setting",
+        "method",
+        "clips",
+        "all",
+        "in view",
+        "observable",
+        "error m",
+        "median",
+        "near wall",
+    ]
     cells = [[*head, "elsewhere", "false/clip", "published"], *map(_cells, rows)]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     return "\n".join("  ".join(map(str.ljust, line, widths)).rstrip() for line in cells)
@@ -70,7 +82,8 @@ def table(rows: Sequence[Row]) -> str:
 def _cells(row: Row) -> list[str]:
     part, there = row.paper_rule, row.published if row.method == "paper" else None
     found = [f"{one.leaks}/{one.of_leaks}" for one in part.found.values()]
-    errors = [f"{error.mean_m:.3f}" for error in (part.error, part.near_wall, part.elsewhere)]
+    means = (part.error.mean_m, part.error.median_m, part.near_wall.mean_m, part.elsewhere.mean_m)
+    errors = [number(mean_m, ".3f") for mean_m in means]
     published = "" if there is None else f"{there.found}/{there.of}, {there.mean_error_m:.2f} m"
     false = f"{part.false_per_clip:.2f}"
     return [row.experiment, row.setting, row.method, str(row.n_clips), *found, *errors, false, published]
