@@ -72,19 +72,29 @@ def arms_of(campaign: Campaign) -> list[Arm]:
 def scenes_of(campaign: Campaign, base: str) -> list[Scene]:
     """Return the scenes of a campaign that holds no mistake; `base` is the base scenario's shipped name or path.
 
-    Common random numbers: repeat r has the seed `seed_of_clip(campaign.seed, r)` in every arm, whatever the arms are.
+    Common random numbers: repeat r has the seed `seed_of_clip(campaign.seed, r)` in every arm, whatever the arms are;
+    but for choices whose variants are scenes of their own, where repeats are counted through.
     """
     return list(_scenes_of_space(campaign) if campaign.space is not None else _scenes_of_sweep(campaign, base))
 
 
 def _scenes_of_sweep(campaign: Campaign, base: str) -> Iterator[Scene]:
-    seeds = [seed_of_clip(campaign.seed, repeat) for repeat in range(campaign.repeats)]
     for arm in arms_of(campaign):
         overrides = (*campaign.set, *arm.overrides)
         scenario = read_scenario(base, overrides)
-        for repeat, seed in enumerate(seeds):
+        for repeat in range(campaign.repeats):
+            seed = seed_of_clip(campaign.seed, _draw(campaign, arm, repeat))
             number = arm.number * campaign.repeats + repeat
             yield Scene(number, arm, repeat, base, overrides, scenario.model_copy(update={"seed": seed}))
+
+
+def _draw(campaign: Campaign, arm: Arm, repeat: int) -> int:
+    """Number of the draws of a repeat in an arm."""
+    block = 0
+    for choice, setting in zip(campaign.choice, arm.settings[len(campaign.axis) :], strict=True):
+        if choice.draws == "own":
+            block = block * len(choice.variant) + setting.place
+    return block * campaign.repeats + repeat
 
 
 def _scenes_of_space(campaign: Campaign) -> Iterator[Scene]:

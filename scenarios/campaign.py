@@ -53,6 +53,9 @@ class ChoiceTable(Model):
 
     name: str = Field(min_length=1, max_length=100, description="what is chosen, say lamps")
     variant: Annotated[tuple[VariantTable, ...], BeforeValidator(_tuple_of_list)] = Field(max_length=MAX_VALUES)
+    draws: Literal["common", "own"] = Field(
+        "common", description="own: variants are different scenes, each with other seeds, as if they were repeats"
+    )
 
 
 class SpaceTable(Model):

@@ -18,9 +18,9 @@ def campaign_csv(stored: Stored) -> str:
     writer = csv.writer(text, lineterminator="\n")
     axes = list(stored.runs[0].values) if stored.runs else []
     counts = [f"{kind}_{which}" for which in COUNTED for kind in ("found", "of")]
-    leaks = ["leak_codes", "leak_errors_m", "leak_errors_px", "leak_near_wall"]
+    leaks = ["leak_codes", "leak_errors_m", "leak_errors_px", "leak_near_wall", "leak_paper_errors_m"]
     before = ["run", "scene", "arm", "repeat", *axes, "scenario", "overrides", "seed", "method", "outcome"]
-    writer.writerow([*before, *counts, "false", "mean_error_m", *leaks, "false_codes", "versions"])
+    writer.writerow([*before, *counts, "false", "mean_error_m", *leaks, "false_codes", "estimates_m", "versions"])
     writer.writerows(map(_row, stored.runs))
     return text.getvalue()
 
@@ -35,7 +35,9 @@ def _row(run: Run) -> list[object]:
         _joined(leak.error_m for leak in run.leaks),
         _joined(leak.error_px for leak in run.leaks),
         _joined(int(leak.near_wall) for leak in run.leaks),
+        _joined(run.paper_error_m(leak) for leak in run.leaks),
         _joined(run.false_codes),
+        _joined(f"{x_m} {y_m}" for x_m, y_m in run.estimates_m),
         run.versions,
     ]
 

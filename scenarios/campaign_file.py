@@ -58,6 +58,16 @@ def read_campaign(path_or_name: str | Path) -> CampaignFile:
     return CampaignFile(source, campaign, base)
 
 
+def repeated(file: CampaignFile, repeats: int) -> CampaignFile:
+    """Return a campaign with another number of repeats; raises CampaignError where a file could not have it."""
+    if file.campaign.space is not None:
+        raise CampaignError(f"{file.source}: repeats: belongs to a sweep; a [space] has scenes")
+    campaign = file.campaign.model_copy(update={"repeats": repeats})
+    if lines := [f"{file.source}: {broken.key}: {broken.rule}, got {broken.value}" for broken in _size(campaign)]:
+        raise CampaignError("\n".join(lines))
+    return CampaignFile(file.source, campaign, file.base)
+
+
 def violations(campaign: Campaign) -> list[Violation]:
     """Return all broken rules between a campaign's values."""
     return [

@@ -11,6 +11,7 @@ from scenarios.cli_campaign import campaign
 from scenarios.cli_export import export
 from scenarios.cli_locate import inspect, locate
 from scenarios.cli_options import FILE, FOLDER, SEED, FiniteRange, clear_errors, scenario_options
+from scenarios.cli_reproduce import reproduce
 from scenarios.clip_folder import verify_clip, write_clip
 from scenarios.output_folder import check_new, check_replaceable, creating, replacing
 from scenarios.scenario import Scenario
@@ -170,3 +171,4 @@ main.add_command(explain)
 main.add_command(export)
 main.add_command(inspect)
 main.add_command(locate)
+main.add_command(reproduce)

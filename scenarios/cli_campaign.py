@@ -8,17 +8,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from scenarios.campaign_file import CAMPAIGNS, CampaignFile, read_campaign
-from scenarios.cli_options import FILE, FiniteRange, clear_errors
+from scenarios.campaign_file import CAMPAIGNS, CampaignFile, read_campaign, repeated
+from scenarios.cli_options import FILE, STOPPED, FiniteRange, clear_errors
 from scenarios.output_folder import check_apart, check_target, write_file
 
 if TYPE_CHECKING:
     from scenarios.estimators import EstimatorSpec
     from scenarios.lanes import Kind
     from scenarios.scene_work import SceneOutcome
-
-STOPPED = 130
-"""Exit code of a program that was interrupted, as shells have it."""
 
 
 @click.group(epilog=f"Shipped campaigns: {', '.join(CAMPAIGNS.names())}.")
@@ -33,6 +30,7 @@ def campaign() -> None:
 @campaign.command()
 @click.argument("file", metavar="FILE")
 @click.option("-o", "--output", "store", type=FILE, required=True, help="Results store; a stopped run goes on.")
+@click.option("--repeats", type=click.IntRange(1, 100_000), help="Instead of the file's: a first look, or more clips.")
 @click.option("--workers", "n_workers", type=click.IntRange(1, 256), default=2, show_default=True)
 @click.option("--dask", metavar="ADDRESS", help="Use the workers of a Dask cluster instead: tcp://host:port.")
 @click.option("--estimator", "callables", multiple=True, metavar="MODULE:FUNCTION", help="Test this one too.")
@@ -46,6 +44,7 @@ def campaign() -> None:
 def run(  # noqa: PLR0913  one argument per option
     file: str,
     store: Path,
+    repeats: int | None,
     n_workers: int,
     dask: str | None,
     callables: tuple[str, ...],
@@ -57,7 +56,7 @@ def run(  # noqa: PLR0913  one argument per option
 
     foreign = [EstimatorSpec("callable", text, timeout) for text in callables]
     foreign += [EstimatorSpec("command", text, timeout) for text in commands]
-    wanted = read_campaign(file)
+    wanted = read_campaign(file) if repeats is None else repeated(read_campaign(file), repeats)
     check_target(store)
     if dask is None:
         from scenarios.run_campaign import local_workers
@@ -146,6 +145,26 @@ def report(store: Path, destination: Path) -> None:
     check_apart(store, destination)
     check_target(destination)
     write_file(destination, report_html(read_store(store)))
+
+
+@campaign.command()
+@click.argument("store", type=FILE)
+@click.option("-o", "--output", "destination", type=FILE, required=True, help="SVG file to write.")
+@clear_errors
+def figure(store: Path, destination: Path) -> None:
+    """Write the report's figure alone: detection and error against the swept axis, with intervals."""
+    from scenarios.campaign_figures import main_axis, sweep_figure
+    from scenarios.campaign_summary import cells
+    from scenarios.store import StoreError, read_store
+
+    check_apart(store, destination)
+    check_target(destination)
+    stored = read_store(store)
+    table_cells = cells(stored.runs)
+    axis = main_axis(table_cells)
+    if axis is None:
+        raise StoreError(f"{store}: nothing is swept in it: there is no figure to draw")
+    write_file(destination, sweep_figure(stored.identity.campaign, table_cells, axis))
 
 
 @campaign.command()

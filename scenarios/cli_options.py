@@ -16,6 +16,8 @@ from scenarios.truth import TruthError
 
 INPUT_ERRORS = (ScenarioError, TruthError, OutputError, DamagedClipError)
 BAD_INPUT = 2
+STOPPED = 130
+"""Exit code of a program that was interrupted, as shells have it."""
 FOLDER = click.Path(path_type=Path, file_okay=False)
 FILE = click.Path(path_type=Path, dir_okay=False)
 

@@ -56,6 +56,11 @@ def display_gain(frame_grey: np.ndarray) -> float:
     return max(1.0, 212.0 / max(bright, 1.0))
 
 
+def brightened(gain: float) -> str:
+    """Say by how much a picture is brightened; nothing when it is not."""
+    return "" if gain < 1.05 else f", brightened {gain:.2g} times"
+
+
 def top_view(truth: Truth, estimates_m: Sequence[tuple[float, float]], scored: Score) -> str:
     """Top view with pedestal, fields of view, true leaks, estimates and error lines (paper's figure 7), as SVG."""
     with mpl.rc_context(STYLE):
@@ -80,7 +85,7 @@ def top_view(truth: Truth, estimates_m: Sequence[tuple[float, float]], scored: S
         axes.plot(
             [y for _, y in inside], [x for x, _ in inside], "x", color=ESTIMATE_COLOUR, ms=8, mew=1.8, label="estimate"
         )
-        _name_axes(axes, radius_m, n_outside=len(finite) - len(inside))
+        name_axes(axes, radius_m, n_outside=len(finite) - len(inside))
         return svg(figure)
 
 
@@ -93,11 +98,11 @@ def estimate_view(estimate: Estimate, rig: Rig) -> str:
         if rig.pedestal_radius is not None:
             axes.add_patch(Circle((0.0, 0.0), reach_m, facecolor="#f4f1ea", edgecolor="#6b6356", linewidth=1.5))
         for K, camera_from_frame in ((rig.K1, rig.left_from_frame), (rig.K2, rig.right_from_frame)):
-            _draw_view(axes, np.linalg.inv(camera_from_frame), K, rig.image_size[0], reach_m)
+            draw_view(axes, np.linalg.inv(camera_from_frame), K, rig.image_size[0], reach_m)
         for leak in estimate.leaks:
             axes.plot(leak.y_m, leak.x_m, "x", color=ESTIMATE_COLOUR, ms=8, mew=1.8)
             _draw_ellipse(axes, leak)
-        _name_axes(axes, reach_m, n_outside=0)
+        name_axes(axes, reach_m, n_outside=0)
         return svg(figure)
 
 
@@ -130,8 +135,8 @@ def column_profiles(pictures: Sequence[ProfilePicture]) -> str:
         figure = Figure(figsize=(10.4, 4.6), layout="constrained")
         for i, (side, picture) in enumerate(zip(("left", "right"), pictures, strict=True)):
             axes = figure.add_subplot(2, 1, i + 1)
-            _draw_columns(axes, "true leak", picture.leaks_px, TRUTH_COLOUR, "-")
-            _draw_columns(axes, "its shadow", picture.shadows_px, QUIET_COLOUR, ":")
+            draw_columns(axes, "true leak", picture.leaks_px, TRUTH_COLOUR, "-")
+            draw_columns(axes, "its shadow", picture.shadows_px, QUIET_COLOUR, ":")
             axes.plot(picture.profile_grey, color=PROFILE_COLOUR, linewidth=0.8, label="column aggregate g")
             axes.axhline(picture.threshold_grey, color=ESTIMATE_COLOUR, lw=0.8, ls="--", label="paper's threshold")
             last = len(picture.profile_grey) - 1
@@ -160,10 +165,10 @@ def _draw_ellipse(axes: Axes, leak: LeakEstimate) -> None:
 
 def _draw_camera(axes: Axes, camera: TrueCamera, radius_m: float) -> None:
     pose, K = np.array(camera.world_from_camera), np.array(camera.camera_matrix)
-    _draw_view(axes, pose, K, camera.width_px, radius_m)
+    draw_view(axes, pose, K, camera.width_px, radius_m)
 
 
-def _draw_view(axes: Axes, pose: np.ndarray, K: np.ndarray, width_px: int, reach_m: float) -> None:
+def draw_view(axes: Axes, pose: np.ndarray, K: np.ndarray, width_px: int, reach_m: float) -> None:
     """Place of a camera and the edges of its field of view; pose (4, 4) from the camera to the picture's frame."""
     x_m, y_m = pose[0, 3], pose[1, 3]
     for edge_px in (-0.5, width_px - 0.5):
@@ -186,7 +191,8 @@ def _draw_leaks(axes: Axes, leaks: Sequence[LeakTruth]) -> None:
         )
 
 
-def _name_axes(axes: Axes, radius_m: float, n_outside: int) -> None:
+def name_axes(axes: Axes, radius_m: float, n_outside: int) -> None:
+    """Limits, labels and legend of a top view; says how many estimates lie outside it."""
     axes.set_xlim(1.08 * radius_m, -1.08 * radius_m)  # y grows to the left, as the cameras see it
     axes.set_ylim(-1.08 * radius_m, 1.08 * radius_m)
     axes.set_xlabel("y (m), left is +")
@@ -197,7 +203,8 @@ def _name_axes(axes: Axes, radius_m: float, n_outside: int) -> None:
         axes.set_title(f"{n_outside} estimate(s) outside the picture", fontsize=8, color=ESTIMATE_COLOUR)
 
 
-def _draw_columns(axes: Axes, label: str, columns_px: Sequence[float | None], colour: str, style: str) -> None:
+def draw_columns(axes: Axes, label: str, columns_px: Sequence[float | None], colour: str, style: str) -> None:
+    """Upright lines at columns, px; those that are None are left out."""
     for i, column in enumerate(place for place in columns_px if place is not None):
         axes.axvline(column, color=colour, linewidth=1.2, linestyle=style, alpha=0.6, label=label if i == 0 else None)
 

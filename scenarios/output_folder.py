@@ -10,7 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-MARKERS = ("clip.json", "dataset.json", "demo.json", "noise.json", "export.json")
+MARKERS = ("clip.json", "dataset.json", "demo.json", "noise.json", "export.json", "tables.json")
 """A folder that the tool made holds one of these, with a key "made_by"."""
 
 
@@ -101,6 +101,12 @@ def check_replaceable(destination: Path) -> None:
     """Refuse a folder to replace that holds something the tool did not make."""
     if _is_taken(destination) and not was_made_by_us(destination):
         raise OutputError(f"{destination}: is not empty and was not made by leakloc; it is never replaced")
+
+
+def check_same_kind(destination: Path, marker: str) -> None:
+    """Refuse a folder to replace that the tool made by another command: its marker is not the one to come."""
+    if (there := _markers(destination)) and there != {marker}:
+        raise OutputError(f"{destination}: is something else that leakloc made; it is not replaced by this")
 
 
 def check_apart(source: Path, destination: Path) -> None:

@@ -156,19 +156,19 @@ def _frames(left: np.ndarray, right: np.ndarray) -> str:
     pictures, residuals = [], []
     for side, frames in (("Left", left), ("Right", right)):
         gain = figures.display_gain(frames[number])
-        pictures.append(_picture(figures.frame_png(frames[number], gain), f"{side}, frame {number}{_brightened(gain)}"))
+        pictures.append(
+            _picture(figures.frame_png(frames[number], gain), f"{side}, frame {number}{figures.brightened(gain)}")
+        )
         residual = np.abs(frames[number] - temporal_median(frames).grey)
         residuals.append(
-            _picture(figures.frame_png(residual, RESIDUAL_GAIN), f"{side}, |I - median|{_brightened(RESIDUAL_GAIN)}")
+            _picture(
+                figures.frame_png(residual, RESIDUAL_GAIN), f"{side}, |I - median|{figures.brightened(RESIDUAL_GAIN)}"
+            )
         )
     return (
         f'<h2>Input pair</h2><div class="pair">{"".join(pictures)}</div>'
         f'<h2>Residual after background subtraction</h2><div class="pair">{"".join(residuals)}</div>'
     )
-
-
-def _brightened(gain: float) -> str:
-    return "" if gain < 1.05 else f", brightened {gain:.2g} times"
 
 
 def _picture(uri: str, caption: str) -> str:

@@ -1,9 +1,9 @@
-"""Run a campaign into its store: what is there already is kept, the rest is done, in any order and on any workers."""
+"""Run campaigns into their stores: what is there already is kept, the rest is done, in any order and on any workers."""
 
 from collections.abc import Hashable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor
-from contextlib import contextmanager
-from dataclasses import dataclass
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from scenarios.arms import Scene
@@ -17,12 +17,43 @@ from scenarios.versions import versions
 
 
 @dataclass(frozen=True)
+class Study:
+    """A campaign, the foreign estimators that come along, and the store that its results go into."""
+
+    file: CampaignFile
+    foreign: Sequence[EstimatorSpec]
+    store: Path
+
+    def identity(self) -> Identity:
+        """Return what the store holds results of; raises CampaignError without any estimator."""
+        estimators = (*(EstimatorSpec("method", name) for name in self.file.campaign.methods), *self.foreign)
+        if not estimators:
+            raise CampaignError(
+                f"{self.file.source}: methods: must name one at least, or the command line an estimator"
+            )
+        return Identity(self.file.campaign, self.file.fingerprint(), estimators, versions())
+
+
+@dataclass(frozen=True)
 class Running:
-    """A campaign under way: how many scenes it has, how many were there already, and the others as they are done."""
+    """Campaigns under way: how many scenes they have, how many were there already, and the others as they are done."""
 
     n_scenes: int
     n_there: int
     left: Iterator[SceneOutcome]
+
+
+@dataclass(frozen=True)
+class Task:
+    """A scene that is left to do, and the writer of its outcome."""
+
+    scene: Scene
+    identity: Identity
+    writer: Writer
+
+    def work(self, number: int) -> SceneWork:
+        """Return the scene as work for a worker, under a number that no other task has."""
+        return SceneWork(number, self.scene.scenario, self.identity.estimators, self.identity.campaign.scene_limit_s)
 
 
 def local_workers(n_workers: int) -> Kind:
@@ -36,24 +67,31 @@ def running(file: CampaignFile, foreign: Sequence[EstimatorSpec], store: Path, k
 
     Raises CampaignError without any estimator, StoreError, WorkerError, EstimatorError.
     """
-    estimators = (*(EstimatorSpec("method", name) for name in file.campaign.methods), *foreign)
-    if not estimators:
-        raise CampaignError(f"{file.source}: methods: must name one at least, or the command line an estimator")
-    scenes = file.scenes()
-    identity = Identity(file.campaign, file.fingerprint(), estimators, versions())
-    with writing(store, identity) as writer:
-        there = writer.scenes()
-        left = [scene for scene in scenes if scene.number not in there]
-        yield Running(len(scenes), len(scenes) - len(left), _run(left, identity, writer, kind))
+    with running_together([Study(file, foreign, store)], kind) as under_way:
+        yield under_way
 
 
-def _run(scenes: Sequence[Scene], identity: Identity, writer: Writer, kind: Kind) -> Iterator[SceneOutcome]:
-    limit_s = identity.campaign.scene_limit_s
-    scene_of = {scene.number: scene for scene in scenes}
-    works = [SceneWork(scene.number, scene.scenario, identity.estimators, limit_s) for scene in scenes]
+@contextmanager
+def running_together(studies: Sequence[Study], kind: Kind) -> Iterator[Running]:
+    """Like `running` for several campaigns, which share the workers: they start once and cast common rays once."""
+    n_scenes, tasks = 0, []
+    with ExitStack() as stores:
+        for study in studies:
+            identity, scenes = study.identity(), study.file.scenes()
+            writer = stores.enter_context(writing(study.store, identity))
+            there = writer.scenes()
+            tasks += [Task(scene, identity, writer) for scene in scenes if scene.number not in there]
+            n_scenes += len(scenes)
+        yield Running(n_scenes, n_scenes - len(tasks), _run(tasks, kind))
+
+
+def _run(tasks: Sequence[Task], kind: Kind) -> Iterator[SceneOutcome]:
+    works = [task.work(number) for number, task in enumerate(tasks)]
     for outcome in scenes_done(kind, grouped(works, static_part)):
-        writer.add(runs_of(scene_of[outcome.number], outcome), outcome)
-        yield outcome
+        task = tasks[outcome.number]
+        own = replace(outcome, number=task.scene.number)
+        task.writer.add(runs_of(task.scene, own), own)
+        yield own
 
 
 def static_part(work: SceneWork) -> Hashable:

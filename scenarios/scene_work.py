@@ -32,7 +32,10 @@ class SceneWork:
 
 @dataclass(frozen=True)
 class LeakOutcome:
-    """What became of one true leak: its code, and for a found one the error in m and in px of disparity."""
+    """What became of one true leak: its code, and for a found one the error in m and in px of disparity.
+
+    `paper_estimate` is the number of the estimate that the paper's rule gives to the leak, however far off it is.
+    """
 
     leak: int
     x_m: float
@@ -43,11 +46,15 @@ class LeakOutcome:
     code: str
     error_m: float | None
     error_px: float | None
+    paper_estimate: int | None = None
 
 
 @dataclass(frozen=True)
 class MethodOutcome:
-    """One run: "ok", or how the method or its worker broke down; leaks are none when the scene has no truth to tell."""
+    """One run: "ok", or how the method or its worker broke down; leaks are none when the scene has no truth to tell.
+
+    `estimates_m` are the places (x, y) of all leaks that the method told of, m.
+    """
 
     method: str
     outcome: str
@@ -55,6 +62,7 @@ class MethodOutcome:
     leaks: tuple[LeakOutcome, ...] = ()
     false_codes: tuple[str, ...] = ()
     seconds: float = math.nan
+    estimates_m: tuple[tuple[float, float], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -109,25 +117,37 @@ def _run(spec: EstimatorSpec, clip: SimulatedClip) -> MethodOutcome:
         answer = Broken("crash", _told(error))
     seconds = time.perf_counter() - start_s
     if isinstance(answer, Broken):
-        lost = tuple(_leak_outcome(leak, clip.truth, answer.code, None) for leak in clip.truth.leaks)
+        lost = tuple(_leak_outcome(leak, clip.truth, answer.code, Assigned()) for leak in clip.truth.leaks)
         return MethodOutcome(spec.text, answer.code, answer.detail, lost, seconds=seconds)
-    scored = score([(leak.x_m, leak.y_m) for leak in answer.leaks], clip.truth)
+    places_m = tuple((float(leak.x_m), float(leak.y_m)) for leak in answer.leaks)
+    scored = score(places_m, clip.truth)
     codes = outcomes(answer, clip.truth, scored)
     leaks = tuple(
-        _leak_outcome(leak, clip.truth, codes.leaks[leak.id], _error_m(scored, leak)) for leak in clip.truth.leaks
+        _leak_outcome(leak, clip.truth, codes.leaks[leak.id], _assigned(scored, leak)) for leak in clip.truth.leaks
     )
-    return MethodOutcome(spec.text, OK, "", leaks, tuple(codes.estimates.values()), seconds)
+    return MethodOutcome(spec.text, OK, "", leaks, tuple(codes.estimates.values()), seconds, places_m)
 
 
-def _error_m(scored: Score, leak: LeakTruth) -> float | None:
-    return next((pair.error_m for pair in scored.gated.pairs if pair.leak_id == leak.id), None)
+@dataclass(frozen=True)
+class Assigned:
+    """What both rules assign to a leak: the error within the gate, m, and the estimate without one."""
+
+    error_m: float | None = None
+    paper_estimate: int | None = None
 
 
-def _leak_outcome(leak: LeakTruth, truth: Truth, code: str, error_m: float | None) -> LeakOutcome:
+def _assigned(scored: Score, leak: LeakTruth) -> Assigned:
+    error_m = next((pair.error_m for pair in scored.gated.pairs if pair.leak_id == leak.id), None)
+    estimate = next((pair.estimate for pair in scored.paper_rule.pairs if pair.leak_id == leak.id), None)
+    return Assigned(error_m, estimate)
+
+
+def _leak_outcome(leak: LeakTruth, truth: Truth, code: str, assigned: Assigned) -> LeakOutcome:
     wall_m = truth.rig.pedestal_radius_m - math.hypot(leak.x_m, leak.y_m)
-    error_px = None if error_m is None else error_m / metres_per_px(truth, leak)
+    error_px = None if assigned.error_m is None else assigned.error_m / metres_per_px(truth, leak)
     return LeakOutcome(
-        leak.id, leak.x_m, leak.y_m, leak.in_view, leak.observable, wall_m < NEAR_WALL_M, code, error_m, error_px
+        *(leak.id, leak.x_m, leak.y_m, leak.in_view, leak.observable, wall_m < NEAR_WALL_M, code),
+        *(assigned.error_m, error_px, assigned.paper_estimate),
     )
 
 

@@ -24,7 +24,7 @@ from scenarios.scene_work import LeakOutcome, SceneOutcome
 from scenarios.stored_run import COUNTED, Run
 
 APPLICATION_ID = 0x1EA10C  # marks a SQLite file as a store of leakloc
-FORMAT = 1
+FORMAT = 2
 MAX_STORE_BYTES = 4_000_000_000
 WAIT_FOR_READERS_S = 60.0
 
@@ -35,11 +35,13 @@ CREATE TABLE run (
   arm_values TEXT NOT NULL, scenario TEXT NOT NULL, overrides TEXT NOT NULL, seed INTEGER NOT NULL,
   versions TEXT NOT NULL, method TEXT NOT NULL, outcome TEXT NOT NULL, detail TEXT NOT NULL,
   {", ".join(f"found_{which} INTEGER NOT NULL, of_{which} INTEGER NOT NULL" for which in COUNTED)},
-  false_leaks INTEGER NOT NULL, false_codes TEXT NOT NULL, mean_error_m REAL, sha256 TEXT NOT NULL
+  false_leaks INTEGER NOT NULL, false_codes TEXT NOT NULL, mean_error_m REAL,
+  estimates_m TEXT NOT NULL, sha256 TEXT NOT NULL
 );
 CREATE TABLE leak (
   run INTEGER NOT NULL, leak INTEGER NOT NULL, x_m REAL NOT NULL, y_m REAL NOT NULL, in_view INTEGER NOT NULL,
   observable INTEGER NOT NULL, near_wall INTEGER NOT NULL, code TEXT NOT NULL, error_m REAL, error_px REAL,
+  paper_estimate INTEGER,
   PRIMARY KEY (run, leak)
 ) WITHOUT ROWID;
 CREATE TABLE timing (run INTEGER PRIMARY KEY, render_s REAL, method_s REAL);
@@ -141,7 +143,7 @@ def read_timings(path: Path) -> tuple[float, float]:
 RUN_COLUMNS = (
     *("run", "scene", "arm", "repeat", "arm_values", "scenario", "overrides", "seed", "versions", "method", "outcome"),
     *("detail", *(f"{kind}_{which}" for which in COUNTED for kind in ("found", "of"))),
-    *("false_leaks", "false_codes", "mean_error_m", "sha256"),
+    *("false_leaks", "false_codes", "mean_error_m", "estimates_m", "sha256"),
 )
 
 
@@ -154,7 +156,8 @@ def _row_of(run: Run) -> tuple[Any, ...]:
     return (
         *(run.run, run.scene, run.arm, run.repeat, json.dumps(run.values), run.base, json.dumps(run.overrides)),
         *(run.seed, run.versions, run.method, run.outcome, run.detail, *counts),
-        *(len(run.false_codes), json.dumps(run.false_codes), run.mean_error_m, run.sha256()),
+        *(len(run.false_codes), json.dumps(run.false_codes), run.mean_error_m),
+        *(json.dumps(run.estimates_m), run.sha256()),
     )
 
 
@@ -260,6 +263,7 @@ def _run_of(cells: dict[str, Any], leaks: tuple[LeakOutcome, ...]) -> Run:
         overrides=tuple(json.loads(cells["overrides"])),
         leaks=leaks,
         false_codes=tuple(json.loads(cells["false_codes"])),
+        estimates_m=tuple((x_m, y_m) for x_m, y_m in json.loads(cells["estimates_m"])),
     )
 
 

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import math
 import shlex
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
@@ -36,6 +37,7 @@ class Run:
     detail: str
     leaks: tuple[LeakOutcome, ...]
     false_codes: tuple[str, ...]
+    estimates_m: tuple[tuple[float, float], ...] = ()
 
     @property
     def found(self) -> dict[str, int]:
@@ -59,6 +61,13 @@ class Run:
     def errors_px(self) -> list[float]:
         """Errors of the leaks found, px of disparity."""
         return [leak.error_px for leak in self.leaks if leak.error_px is not None]
+
+    def paper_error_m(self, leak: LeakOutcome) -> float | None:
+        """Error of a leak by the paper's rule, which has no gate, m; None when no estimate is left for it."""
+        if leak.paper_estimate is None:
+            return None
+        x_m, y_m = self.estimates_m[leak.paper_estimate]
+        return math.hypot(x_m - leak.x_m, y_m - leak.y_m)
 
     @property
     def mean_error_m(self) -> float | None:
@@ -93,6 +102,7 @@ def runs_of(scene: Scene, outcome: SceneOutcome) -> list[Run]:
             detail=run.detail,
             leaks=run.leaks,
             false_codes=run.false_codes,
+            estimates_m=run.estimates_m,
         )
         for i, run in enumerate(outcome.runs)
     ]

@@ -147,5 +147,28 @@ def test_every_shipped_campaign_is_valid_and_says_what_it_is_for(name):
     assert (result.exit_code, f"{file.campaign.n_scenes} scenes" in result.output) == (0, True)
 
 
+def test_variants_that_are_scenes_of_their_own_have_draws_of_their_own_the_same_along_every_axis():
+    crowded = read_campaign("paper_crowded").scenes()
+    seeds = {(s.arm.values["scene"], s.arm.values["gamma.dose_rate_gy_h"]): s.seed for s in crowded}
+    assert len(seeds) == 24
+    assert len(set(seeds.values())) == 8
+    assert seeds["3", 1.7] == seeds["3", 10.0]
+    multiple = read_campaign("paper_multiple").scenes()
+    assert len({scene.seed for scene in multiple}) == len(multiple) == 8
+
+
+def test_the_papers_crowded_scenes_are_the_shipped_ones():
+    for scene in read_campaign("paper_crowded").scenes():
+        shipped = read_scenario(f"crowded_{scene.arm.values['scene']}")
+        assert [(leak.x_m, leak.y_m) for leak in scene.scenario.leak] == [(leak.x_m, leak.y_m) for leak in shipped.leak]
+
+
+def test_fewer_frames_are_the_same_clips_cut_short():
+    separated, frames = read_campaign("paper_separated").scenes(), read_campaign("paper_frames").scenes()
+    assert [scene.scenario for scene in separated if scene.scenario.gamma.dose_rate_gy_h == 10.0] == [
+        scene.scenario for scene in frames if scene.scenario.recording.n_frames == 24
+    ]
+
+
 def test_the_schema_of_a_campaign_is_printed():
     assert "axis" in json.loads(CliRunner().invoke(main, ["schema", "campaign"]).output)["properties"]

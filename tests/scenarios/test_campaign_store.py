@@ -23,10 +23,12 @@ def identity(path):
 def outcome(scene):
     """An outcome of made-up numbers, some with many digits."""
     found = LeakOutcome(0, 0.1 + 0.2, -1e-17, True, True, False, "found", 1.0 / 3.0, 2.0 / 3.0)
-    missed = LeakOutcome(1, 2.0, 1.4, True, False, True, "missed.merged", None, None)
+    missed = LeakOutcome(1, 2.0, 1.4, True, False, True, "missed.merged", None, None, 1)
     runs = (
-        MethodOutcome("paper", "ok", "", (found, missed), ("false.gamma",), 0.1),
-        MethodOutcome("naive", "nan", "a leak's place is not finite", (replace(missed, code="nan"),), (), 0.1),
+        MethodOutcome("paper", "ok", "", (found, missed), ("false.gamma",), 0.1, ((0.1, 1 / 3), (2.5, -0.7))),
+        MethodOutcome(
+            "naive", "nan", "a leak's place is not finite", (replace(missed, code="nan", paper_estimate=None),), (), 0.1
+        ),
     )
     return SceneOutcome(scene.number, runs, "leakloc 0", 0.5)
 

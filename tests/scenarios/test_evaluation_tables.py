@@ -1,0 +1,159 @@
+"""Tables and bars of the paper's evaluation on made-up runs: arithmetic, and the published numbers beside them."""
+
+import csv
+import math
+
+import numpy as np
+import pytest
+
+from scenarios.evaluation import EXPERIMENTS
+from scenarios.evaluation_bars import bars_of
+from scenarios.evaluation_tables import RULES, as_data, experiment_rows, flattened, tables_csv, tally
+from scenarios.evaluation_why import differences
+from scenarios.published import LEVELS_GY_H, PUBLISHED, published
+from scenarios.scene_work import LeakOutcome
+from scenarios.statistics import clopper_pearson, mean_interval
+from scenarios.stored_run import Run
+
+SEPARATED, _, CROWDED, *_ = EXPERIMENTS
+
+
+def leak(number, x_m, y_m, code, *, estimate=None, error_m=None, in_view=True, near_wall=False):
+    return LeakOutcome(number, x_m, y_m, in_view, in_view, near_wall, code, error_m, None, estimate)
+
+
+def clip(number, leaks, estimates_m, *, method="paper", false=(), dose=10.0):
+    return Run(
+        *(number, number, 0, number, {"gamma.dose_rate_gy_h": dose}, "separated", (), 7, "leakloc 0", method, "ok", ""),
+        *(tuple(leaks), tuple(false), tuple(estimates_m)),
+    )
+
+
+FOUND = leak(0, 1.0, 0.0, "found", estimate=0, error_m=0.1)
+PULLED = leak(1, 2.2, 0.0, "bad.depth", estimate=1, near_wall=True)  # 0.5 m off: beyond the gate, found for the paper
+OUTSIDE = leak(2, 0.0, 2.2, "missed.out_of_view", in_view=False, near_wall=True)
+ONE = clip(0, [FOUND, PULLED, OUTSIDE], [(1.1, 0.0), (2.2, 0.5), (0.0, 0.0)], false=("false.shadow", "false.gamma"))
+OTHER = clip(1, [FOUND], [(1.1, 0.0)])
+
+
+def test_the_published_tables_are_the_papers():
+    # Tables 2 and 3, 4 and 5: found, of, mean and standard deviation (m)
+    said = {(row.experiment, row.setting): (row.found, row.of, row.mean_error_m, row.sd_error_m) for row in PUBLISHED}
+    assert said == {
+        ("separated", "L"): (26, 30, 0.22, 0.25),
+        ("separated", "M"): (26, 30, 0.22, 0.24),
+        ("separated", "H"): (26, 30, 0.22, 0.23),
+        ("frames", "3 frames"): (27, 30, 0.37, 0.78),
+        ("frames", "6 frames"): (27, 30, 0.36, 0.84),
+        ("frames", "12 frames"): (27, 30, 0.34, 0.67),
+        ("frames", "18 frames"): (26, 30, 0.22, 0.24),
+        ("frames", "24 frames"): (26, 30, 0.22, 0.23),
+        ("crowded", "L"): (22, 24, 0.05, 0.05),
+        ("crowded", "M"): (22, 24, 0.05, 0.06),
+        ("crowded", "H"): (22, 24, 0.06, 0.07),
+    }
+    assert published("multiple", "5 leaks") is None
+    assert LEVELS_GY_H == {"L": 1.7, "M": 3.3, "H": 10.0}
+
+
+def test_the_papers_rule_finds_what_is_far_off_and_the_gate_does_not():
+    whole, gated = tally([ONE, OTHER], RULES["paper_rule"]), tally([ONE, OTHER], RULES["gated"])
+    assert [(f.leaks, f.of_leaks, f.clips, f.of_clips) for f in whole.found.values()] == [
+        *((3, 4, 1, 2), (3, 3, 2, 2), (3, 3, 2, 2))
+    ]
+    assert [(f.leaks, f.of_leaks, f.clips, f.of_clips) for f in gated.found.values()] == [
+        *((2, 4, 1, 2), (2, 3, 1, 2), (2, 3, 1, 2))
+    ]
+    assert (whole.missed_in_view, whole.missed_out_of_view, whole.false_per_clip) == (0, 1, 0.5)
+    assert (gated.missed_in_view, gated.missed_out_of_view, gated.false_per_clip) == (1, 1, 1.0)
+
+
+def test_errors_are_split_at_the_wall():
+    part = tally([ONE, OTHER], RULES["paper_rule"])
+    assert (part.error.n, part.near_wall.n, part.elsewhere.n) == (3, 1, 2)
+    assert part.error.mean_m == pytest.approx((0.1 + 0.5 + 0.1) / 3)
+    assert part.error.median_m == pytest.approx(0.1)
+    assert part.error.sd_m == pytest.approx(np.std([0.1, 0.5, 0.1]))
+    assert (part.near_wall.mean_m, part.elsewhere.mean_m) == (pytest.approx(0.5), pytest.approx(0.1))
+    assert part.near_wall_share == pytest.approx(0.5 / 0.7)
+    assert math.isnan(part.error.low_m)  # two clips
+    assert math.isnan(tally([clip(0, [OUTSIDE], [])], RULES["paper_rule"]).near_wall_share)
+
+
+def test_clips_are_drawn_for_the_interval_of_a_mean_and_five_are_needed():
+    rng = np.random.default_rng(1)
+    shared = rng.normal(0.0, 1.0, 40)
+    low, high = mean_interval([[x, x, x, x] for x in shared])  # four leaks that tell the same are one
+    assert high - low == pytest.approx(2 * 1.96 * shared.std() / math.sqrt(40), rel=0.1)
+    assert low < shared.mean() < high
+    assert np.isnan(mean_interval([[1.0]] * 4 + [[]])).all()
+    assert mean_interval([[1.0, 1.0]] * 5) == (1.0, 1.0)
+
+
+def test_the_interval_of_a_mean_holds_it_in_about_95_percent_of_samples():
+    rng = np.random.default_rng(0)
+    held = sum(low <= 1.0 <= high for low, high in (mean_interval(rng.exponential(size=(30, 3))) for _ in range(150)))
+    assert 0.88 < held / 150 < 0.99
+
+
+def test_settings_are_rows_and_stand_beside_what_is_published():
+    runs = [ONE, OTHER, clip(2, [FOUND], [(1.1, 0.0)], method="robust"), clip(3, [FOUND], [(1.1, 0.0)], dose=1.7)]
+    rows = experiment_rows(SEPARATED, runs)
+    assert [(row.setting, row.method, row.n_clips) for row in rows] == [
+        *(("H", "paper", 2), ("H", "robust", 1), ("L", "paper", 1))
+    ]
+    assert rows[0].published == published("separated", "H")
+    assert differences(rows)[0] == (
+        "Tables 2, 3, H: found 3/4 against 26/30 (-11.7 points); mean error 0.233 m against 0.22 m "
+        "(+0.013 m; too few clips for an interval)"
+    )
+
+
+def test_a_row_is_data_and_a_line_of_numbers_with_the_same_content():
+    (row,) = experiment_rows(SEPARATED, [ONE, OTHER])
+    data = as_data(row)
+    assert data["paper_rule"]["found"]["in_view"]["rate"] == 1.0
+    assert data["paper_rule"]["found"]["all"]["clips_low"] == clopper_pearson(1, 2)[0]
+    assert data["paper_rule"]["error"]["low_m"] is None
+    (line,) = csv.DictReader(tables_csv([data]).splitlines())
+    assert line == {key: str(value) for key, value in flattened(data).items()}
+
+
+def test_the_bars_of_the_papers_method_go_by_its_own_rule():
+    bars = bars_of(None, experiment_rows(SEPARATED, [ONE, OTHER]))
+    assert [(bar.got, bar.is_met) for bar in bars] == [
+        ("3/4 = 0.75", True),  # 26/30: 0.69 to 0.96
+        ("1 out of view, 0 in view", True),
+        ("0.233 m", True),
+        ("71% of it", True),
+    ]
+    missed = leak(1, 2.2, 0.0, "missed.unexplained")
+    bars = bars_of(None, experiment_rows(SEPARATED, [clip(0, [FOUND, missed], [(1.1, 0.0)])]))
+    assert [bar.is_met for bar in bars] == [False, False, True, False]
+
+
+class Runs:
+    """An evaluation of nothing but these."""
+
+    def __init__(self, runs):
+        self._runs = runs
+
+    def runs(self, *_):
+        return self._runs
+
+
+@pytest.mark.parametrize(("gap_m", "is_met"), [(0.05, True), (0.1, False)])
+def test_crowded_leaks_may_be_missed_only_where_they_are_5_cm_apart(gap_m, is_met):
+    leaks = [FOUND, leak(1, 1.0, gap_m, "missed.merged")]
+    runs = [clip(0, leaks, [(1.1, 0.0)])] + [clip(i, [FOUND], [(1.1, 0.0)]) for i in range(1, 8)]
+    found, gaps = bars_of(Runs(runs), experiment_rows(CROWDED, runs))
+    assert (found.got, found.is_met) == ("8/9", True)  # 21/24 = 0.875
+    assert (gaps.got, gaps.is_met) == (f"{gap_m:g} m", is_met)
+
+
+def test_the_robust_method_is_held_to_the_gate_and_to_observable_leaks():
+    perfect = leak(0, 1.0, 0.0, "found", estimate=0, error_m=0.005)
+    bars = bars_of(None, experiment_rows(SEPARATED, [clip(0, [perfect, OUTSIDE], [(1.005, 0.0)], method="robust")]))
+    assert [(bar.got, bar.is_met) for bar in bars] == [("1/1", True), ("0.0050 m", True)]
+    bars = bars_of(None, experiment_rows(SEPARATED, [clip(0, [OUTSIDE], [], method="robust")]))
+    assert [bar.is_met for bar in bars] == [False, False]  # nothing to find shows nothing
