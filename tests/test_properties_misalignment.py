@@ -10,6 +10,8 @@ import leakloc
 from scenarios.scenario_file import read_scenario
 from scenarios.simulate import simulate
 
+pytestmark = pytest.mark.xdist_group("misalignment")  # one worker: its clips are rendered once
+
 DRIP = "drop_radius_m=0.0115,drip_period_s=0.27"
 LEAKS_M = np.array([(0.3, 0.5), (0.9, -0.4)])
 LEAKS = f"leak=[{', '.join(f'{{x_m={x},y_m={y},{DRIP}}}' for x, y in LEAKS_M)}]"
