@@ -7,7 +7,7 @@ from click.testing import CliRunner
 
 from scenarios.arms import arms_of
 from scenarios.campaign import Campaign
-from scenarios.campaign_file import CAMPAIGNS, CampaignError, read_campaign
+from scenarios.campaign_file import CAMPAIGNS, CampaignError, read_campaign, repeated
 from scenarios.cli import main
 from scenarios.draws import seed_of_clip
 from scenarios.leaks import resolved
@@ -168,6 +168,18 @@ def test_fewer_frames_are_the_same_clips_cut_short():
     assert [scene.scenario for scene in separated if scene.scenario.gamma.dose_rate_gy_h == 10.0] == [
         scene.scenario for scene in frames if scene.scenario.recording.n_frames == 24
     ]
+
+
+def test_a_campaign_can_be_run_with_other_repeats_and_keeps_its_first_seeds(tmp_path):
+    file = read_campaign("noise")
+    few, more = repeated(file, 2), repeated(file, 3)
+    assert (few.campaign.n_scenes, few.fingerprint() != file.fingerprint()) == (16, True)
+    assert {scene.seed for scene in few.scenes()} < {scene.seed for scene in more.scenes()}
+    with pytest.raises(CampaignError, match="at most 100000 runs"):
+        repeated(file, 10_000)
+    (tmp_path / "space.toml").write_text('[space]\nstratum = "easy"\nscenes = 2\n')
+    with pytest.raises(CampaignError, match="a \\[space\\] has scenes"):
+        repeated(read_campaign(tmp_path / "space.toml"), 2)
 
 
 def test_the_schema_of_a_campaign_is_printed():

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from small_campaigns import inline, run
+from small_campaigns import inline, run, small_campaign
 
 from scenarios.campaign import Campaign
 from scenarios.campaign_csv import campaign_csv
@@ -143,6 +143,20 @@ def test_the_report_is_one_offline_page_and_the_same_bytes_again(small, tmp_path
     assert page == report_html(read_store(small))
     for words in ("<svg", "Frames and dose, for tests.", "dose_rate_gy_h", "n_frames", "clips are the trials"):
         assert words in page
+
+
+def test_the_figure_alone_is_the_reports(small, tmp_path):
+    result = CliRunner().invoke(main, ["campaign", "figure", str(small), "-o", str(tmp_path / "f.svg")])
+    assert result.exit_code == 0, result.output
+    assert (tmp_path / "f.svg").read_text() in report_html(read_store(small))
+
+
+def test_there_is_no_figure_where_nothing_is_swept(tmp_path):
+    path = small_campaign(tmp_path, repeats=1, frames="[4]", doses="[0.0]")
+    run(path, tmp_path / "one.db", inline())
+    result = CliRunner().invoke(main, ["campaign", "figure", str(tmp_path / "one.db"), "-o", str(tmp_path / "f.svg")])
+    assert (result.exit_code, "nothing is swept" in result.output) == (2, True)
+    assert not (tmp_path / "f.svg").exists()
 
 
 def test_a_report_of_nothing_or_of_crashes_alone_is_a_page():
