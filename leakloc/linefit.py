@@ -26,6 +26,7 @@ WIDTH_SPREAD = 0.15  # of the logarithm of a shadow's width
 WINDOW_PX = 25
 DARK_PX = 1.5  # standard deviation of a seen shadow's columns, which its drop may have pulled
 STRAY_PX = 1.5  # of a drop from where it was seen, lest it slides onto its shadow
+CLIPPED_SPREAD, MOST_CLIPPED = 5.0, 40.0  # of a glint's peak over the limit that hits are clipped at
 MODEL_ERROR = 0.02  # of the profile's peak: what the shapes cannot follow
 
 
@@ -87,6 +88,22 @@ def blurred_chord(columns_px: Array, centre_px: float, radius_px: float, blur_px
     return np.asarray(
         np.exp(-0.5 * ((columns_px[:, None] - places) / sigma) ** 2) @ CHORD_WEIGHTS / (np.sqrt(2 * np.pi) * sigma)
     )
+
+
+def clipped(light: Array, over: float) -> Array:
+    """A glint's light (n,) whose bright parts the limit for hits takes, of unit sum again.
+
+    `over`: the peak of a point's image over the limit; the noise about the limit rounds its corner.
+    """
+    peak = float(gaussian(np.zeros(1), 0.0, BLUR_PX)[0])
+    kept = -np.expm1(-over * light / peak) if over > 1e-6 else light
+    return np.asarray(kept / kept.sum())
+
+
+def stray(level: LevelPair, start_px: Array) -> float:
+    """How far a drop may be from where it was seen, px."""
+    depth_m = float(level.depths_m(level.places_of(start_px[None]))[0])
+    return max(STRAY_PX, 2 * DROP_RADIUS_M * level.focal_px / depth_m) if depth_m > 0 else STRAY_PX
 
 
 def predict(place_m: Array, level: LevelPair, rig: Rig) -> Prediction:
@@ -170,11 +187,13 @@ class _Problem:
         reach_px = WINDOW_PX + self.expected.blur_px
         self.shadows = np.flatnonzero((np.abs(self.expected.shadows_px - start_px) < reach_px).any(axis=1))
         self.lamps = len(self.expected.glints_px)
-        self.first = 3 + self.lamps  # of the shadows' parameters
+        self.first = 5 + self.lamps  # of the shadows' parameters
         self.start = np.concatenate([start_px, np.zeros(self.first - 2 + 3 * len(self.shadows))])
+        self.start[4:6] = 1.0
+        self.stray_px = stray(level, start_px)
         self.spreads = np.concatenate(
             [
-                [RADIUS_SPREAD, BLUR_SPREAD],
+                [RADIUS_SPREAD, BLUR_SPREAD, CLIPPED_SPREAD, CLIPPED_SPREAD],
                 np.full(self.lamps - 1, LAMP_SPREAD),
                 *(np.append(self.expected.spread_px[lamp], WIDTH_SPREAD) for lamp in self.shadows),
             ]
@@ -183,16 +202,18 @@ class _Problem:
     def bounds(self) -> tuple[Array, Array]:
         """Least and greatest parameters: the drop stays where it was seen, radius and blur what they can be."""
         least, most = np.full_like(self.start, -np.inf), np.full_like(self.start, np.inf)
-        least[:2], most[:2] = self.start[:2] - STRAY_PX, self.start[:2] + STRAY_PX
+        least[:2], most[:2] = self.start[:2] - self.stray_px, self.start[:2] + self.stray_px
         (least[2], most[2]), (least[3], most[3]) = np.log(RADIUS_FACTORS), np.log(BLUR_FACTORS)
+        least[4:6], most[4:6] = 0.0, MOST_CLIPPED
         return least, most
 
     def shapes(self, theta: Array, view: int) -> Array:
         """Columns' light of a unit drop and of unit shadows, (columns, shapes)."""
         x, radius, blur_px = self.columns[view], np.exp(theta[2]), BLUR_PX * np.exp(theta[3])
-        light = self.expected.glint_light[:, view] * np.exp(np.append(0.0, theta[4 : self.first]))[:, None]
+        light = self.expected.glint_light[:, view] * np.exp(np.append(0.0, theta[6 : self.first]))[:, None]
         at = theta[view] + radius * self.expected.glints_px[:, view]
-        parts = [gaussian(x[:, None], at.ravel(), blur_px) @ (light / light.sum()).ravel()]
+        glints = gaussian(x[:, None], at.ravel(), blur_px) @ (light / light.sum()).ravel()
+        parts = [clipped(glints, theta[4 + view])]
         if len(self.shadows):
             shadows_px = self.shadows_px(theta)[:, view]
             for k, lamp in enumerate(self.shadows):
