@@ -21,6 +21,7 @@ from leakloc.verdict import (
     DOUBLE,
     GHOST,
     LEAK,
+    LEAST_GLINT_SIGMAS,
     NO_MEETING,
     NOT_BRIGHT,
     OUTSIDE,
@@ -34,7 +35,6 @@ from leakloc.verdict import (
 LEAST_DEPTH_M = 0.2
 BEYOND_WALL = 1.15  # of the pedestal's radius: lines that far out are still shadows on the wall
 WALL_PX = 1.5  # error of a line's disparity when it is asked whether it stands on the wall
-LEAST_GLINT_SIGMAS = 4.0
 LEAST_GLINT_SHARE = 0.04  # of what the shadow beside takes: walls of a reflectance of 0.5 leave that
 SURE_GLINT_SIGMAS = 12.0  # a drop beside a shadow that also is where another leak throws one
 EDGE_PX = 3.0  # from a view's edge a line is not seen whole
@@ -42,12 +42,22 @@ GHOST_SHARE = 0.6  # of the significance of the leaks whose columns a ghost has
 
 
 def explain_tracks(tracks: Sequence[Track], views: Sequence[Streaks], level: LevelPair, rig: Rig) -> list[Verdict]:
-    """A verdict per track: bright lines first, then what they leave unexplained; strongest first within each."""
+    """A verdict per track: bright lines first, then what they leave unexplained; strongest first within each.
+
+    Bright lines that only one view shows for certain come last: near the wall the shadow beside tells the other column.
+    """
     lines = [understand(track, views, level, rig) for track in tracks]
+    lines.sort(key=lambda one: (one.is_shadowy, not one.track.bright, -one.track.sigmas))
     verdicts: list[Verdict] = []
-    for line in sorted(lines, key=lambda one: (one.is_shadowy, not one.track.bright, -one.track.sigmas)):
+    one_sided: list[Line] = []
+    while lines or one_sided:
+        last = not lines
+        line = one_sided.pop(0) if last else lines.pop(0)
         found = [v for v in verdicts if v.reason == LEAK]
         verdict = judge(line, views, (level, rig), found)
+        if not last and verdict.is_one_sided:
+            one_sided.append(line)
+            continue
         if verdict.reason in (OUTSIDE, NOT_BRIGHT) and line.track.bright and line.on_wall:
             line = replace(line, track=replace(line.track, bright=False), polarity=-1.0)
             verdict = judge(line, views, (level, rig), found)
@@ -105,7 +115,8 @@ def judge(line: Line, views: Sequence[Streaks], stage: tuple[LevelPair, Rig], fo
             return Verdict(line, SHADOW_OF_LEAK)
     if not np.isfinite(level.places_of(start_px[None])).all():
         return Verdict(line, NO_MEETING)
-    fit = fit_line(profiles, start_px, level, rig, line.columns_px if shadowy else None)
+    dark_px = line.columns_px if shadowy else None
+    fit = fit_line(profiles, start_px, level, rig, dark_px=dark_px, bright=line.track.bright)
     place_m = level.places_of(fit.columns_px[None])[0]
     if not np.isfinite(place_m).all():
         return Verdict(line, NO_MEETING)

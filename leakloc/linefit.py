@@ -27,6 +27,8 @@ WINDOW_PX = 25
 DARK_PX = 1.5  # standard deviation of a seen shadow's columns, which its drop may have pulled
 STRAY_PX = 1.5  # of a drop from where it was seen, lest it slides onto its shadow
 CLIPPED_SPREAD, MOST_CLIPPED = 5.0, 40.0  # of a glint's peak over the limit that hits are clipped at
+LIMB_SHARE, LIMB_FROM = 0.08, 0.4
+STARTS = ((0.6, 1.0), (1.8, 4.0))
 MODEL_ERROR = 0.02  # of the profile's peak: what the shapes cannot follow
 
 
@@ -88,6 +90,13 @@ def blurred_chord(columns_px: Array, centre_px: float, radius_px: float, blur_px
     return np.asarray(
         np.exp(-0.5 * ((columns_px[:, None] - places) / sigma) ** 2) @ CHORD_WEIGHTS / (np.sqrt(2 * np.pi) * sigma)
     )
+
+
+def limb(columns_px: Array, centre_px: float, radius_px: float, blur_px: float, side: float) -> Array:
+    """One limb of a drop's disc swept along the column and blurred, of unit sum."""
+    outer = side * CHORD_PLACES > LIMB_FROM
+    places, weights = centre_px + radius_px * CHORD_PLACES[outer], CHORD_WEIGHTS[outer]
+    return np.asarray(gaussian(columns_px[:, None], places, blur_px) @ (weights / weights.sum()))
 
 
 def clipped(light: Array, over: float) -> Array:
@@ -168,7 +177,7 @@ class _Problem:
     """
 
     def __init__(
-        self, profiles: Sequence[Profile], start_px: Array, stage: tuple[LevelPair, Rig], dark_px: Array | None
+        self, profiles: Sequence[Profile], start_px: Array, stage: tuple[LevelPair, Rig], dark_px: Array | None, bright: bool
     ) -> None:
         width = len(profiles[0].values)
         self.level, self.rig = level, rig = stage
@@ -187,10 +196,12 @@ class _Problem:
         reach_px = WINDOW_PX + self.expected.blur_px
         self.shadows = np.flatnonzero((np.abs(self.expected.shadows_px - start_px) < reach_px).any(axis=1))
         self.lamps = len(self.expected.glints_px)
+        self.sides = (-1.0, 1.0) if bright else ()
+        self.light = [float(np.abs(d).max()) / float(gaussian(np.zeros(1), 0.0, BLUR_PX)[0]) for d in self.data]
+        self.drop_px = DROP_RADIUS_M * level.focal_px / float(level.depths_m(level.places_of(start_px[None]))[0])
         self.first = 5 + self.lamps  # of the shadows' parameters
         self.start = np.concatenate([start_px, np.zeros(self.first - 2 + 3 * len(self.shadows))])
-        self.start[4:6] = 1.0
-        self.stray_px = stray(level, start_px)
+        self.stray_px = stray(level, start_px) if self.sides else STRAY_PX
         self.spreads = np.concatenate(
             [
                 [RADIUS_SPREAD, BLUR_SPREAD, CLIPPED_SPREAD, CLIPPED_SPREAD],
@@ -199,12 +210,21 @@ class _Problem:
             ]
         )
 
+    def starts(self) -> list[Array]:
+        """A small drop and a large one, whose glints the limit for hits takes: between them lies a ridge."""
+        if not self.sides:
+            return [self.start]
+        starts = [self.start.copy() for _ in STARTS]
+        for start, (radius, over) in zip(starts, STARTS, strict=True):
+            start[2], start[4:6] = np.log(radius), over
+        return starts
+
     def bounds(self) -> tuple[Array, Array]:
         """Least and greatest parameters: the drop stays where it was seen, radius and blur what they can be."""
         least, most = np.full_like(self.start, -np.inf), np.full_like(self.start, np.inf)
         least[:2], most[:2] = self.start[:2] - self.stray_px, self.start[:2] + self.stray_px
         (least[2], most[2]), (least[3], most[3]) = np.log(RADIUS_FACTORS), np.log(BLUR_FACTORS)
-        least[4:6], most[4:6] = 0.0, MOST_CLIPPED
+        least[4:6], most[4:6] = 0.0, MOST_CLIPPED if self.sides else 1e-9
         return least, most
 
     def shapes(self, theta: Array, view: int) -> Array:
@@ -214,6 +234,8 @@ class _Problem:
         at = theta[view] + radius * self.expected.glints_px[:, view]
         glints = gaussian(x[:, None], at.ravel(), blur_px) @ (light / light.sum()).ravel()
         parts = [clipped(glints, theta[4 + view])]
+        radius_px = radius * self.drop_px
+        parts += [limb(x, theta[view], radius_px, blur_px, side) for side in self.sides]
         if len(self.shadows):
             shadows_px = self.shadows_px(theta)[:, view]
             for k, lamp in enumerate(self.shadows):
@@ -235,9 +257,13 @@ class _Problem:
 
     def amplitudes(self, theta: Array, view: int) -> tuple[Array, Array]:
         """Least-squares light of every shape, and what is left of the profile in standard deviations."""
-        A = self.shapes(theta, view)
-        light = np.linalg.lstsq(A, self.data[view], rcond=1e-6)[0]
-        return light, (self.data[view] - A @ light) / self.sigmas[view]
+        A = self.shapes(theta, view) / self.sigmas[view]
+        limbs = len(self.sides)
+        ridge = np.zeros((limbs, A.shape[1]))
+        ridge[np.arange(limbs), np.arange(1, 1 + limbs)] = 1 / (LIMB_SHARE * self.light[view])
+        data = np.append(self.data[view] / self.sigmas[view], np.zeros(limbs))
+        light = np.linalg.lstsq(np.vstack([A, ridge]), data, rcond=1e-6)[0]
+        return light, data - np.vstack([A, ridge]) @ light
 
     def residuals(self, theta: Array) -> Array:
         """Both views' rests, and how far every other parameter strays from what is believed of it."""
@@ -245,20 +271,32 @@ class _Problem:
 
 
 def fit_line(
-    profiles: Sequence[Profile], start_px: Array, level: LevelPair, rig: Rig, dark_px: Array | None = None
+    profiles: Sequence[Profile],
+    start_px: Array,
+    level: LevelPair,
+    rig: Rig,
+    *,
+    dark_px: Array | None = None,
+    bright: bool = True,
 ) -> LineFit:
     """Least-squares fit of both views' profiles; start_px (2,): the drop's columns to within a pixel or two.
 
     dark_px (2,): columns of a shadow that is seen beside the drop, which counts where lamp and wall tell of none.
     """
-    problem = _Problem(profiles, start_px, (level, rig), dark_px)
+    problem = _Problem(profiles, start_px, (level, rig), dark_px, bright)
     bounds = problem.bounds()
-    found = least_squares(problem.residuals, problem.start, bounds=bounds, max_nfev=20, ftol=1e-4, xtol=1e-4, gtol=1e-4)
+    found = min(
+        (
+            least_squares(problem.residuals, start, bounds=bounds, max_nfev=20, ftol=1e-4, xtol=1e-4, gtol=1e-4)
+            for start in problem.starts()
+        ),
+        key=lambda one: float(one.cost),
+    )
     light, rest = zip(*(problem.amplitudes(found.x, view) for view in range(2)), strict=True)
     chi2 = float((np.concatenate(rest) ** 2).mean())
     poor = max(1.0, chi2)
     covariance = np.linalg.pinv(found.jac.T @ found.jac)[:2, :2] * poor
     peak = float(gaussian(np.zeros(1), 0.0, BLUR_PX * np.sqrt(2))[0]) ** 0.5  # norm of a unit glint
     glint_sigmas = np.array([a[0] * peak / p.sigma for a, p in zip(light, profiles, strict=True)]) / np.sqrt(poor)
-    taken = np.array([max(-a[1:].min(initial=0.0), 1e-9) for a in light])
+    taken = np.array([max(-a[1 + len(problem.sides) :].min(initial=0.0), 1e-9) for a in light])
     return LineFit(found.x[:2], covariance, glint_sigmas, np.array([a[0] for a in light]) / taken, chi2)

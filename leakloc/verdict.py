@@ -19,6 +19,7 @@ OUTSIDE, NO_MEETING, NOT_BRIGHT, DOUBLE = (
     "the same as a leak",
 )
 AT_EDGE, GHOST = "at the edge of a view", "one column of each of two leaks"
+LEAST_GLINT_SIGMAS = 4.0
 DARK = -0.25  # polarity below which a line is dark for certain
 SAME_PX = 3.0
 SHADOW_PX, SHADOW_SPREADS = 2.0, 1.5  # how far a line may lie off the column predicted for a shadow
@@ -52,6 +53,11 @@ class Verdict:
     def columns_px(self) -> Array:
         """Of the drop where there is one, else of the line itself, (2,)."""
         return self.line.columns_px if self.fit is None else self.fit.columns_px
+
+    @property
+    def is_one_sided(self) -> bool:
+        """Whether one view alone shows its drop for certain."""
+        return self.fit is not None and self.reason == LEAK and float(self.fit.glint_sigmas.min()) < LEAST_GLINT_SIGMAS
 
     def is_same(self, known: Verdict) -> bool:
         """Whether a leak is one that is known: both columns, or one if it was only guessed beside a shadow."""
