@@ -9,7 +9,8 @@ from functools import lru_cache
 import numpy as np
 
 from leakloc.levelled import LevelPair
-from leakloc.linefit import BLUR_PX, MODEL_ERROR, Profile, blurred_chord, gaussian
+from leakloc.linefit import MODEL_ERROR, Profile
+from leakloc.lineshape import BLUR_PX, blurred_chord, gaussian
 from leakloc.rig import Array, Rig
 from leakloc.shadows import ray_to_lamp
 

@@ -116,7 +116,7 @@ def judge(line: Line, views: Sequence[Streaks], stage: tuple[LevelPair, Rig], fo
     if not np.isfinite(level.places_of(start_px[None])).all():
         return Verdict(line, NO_MEETING)
     dark_px = line.columns_px if shadowy else None
-    fit = fit_line(profiles, start_px, level, rig, dark_px=dark_px, bright=line.track.bright)
+    fit = fit_line(profiles, start_px, stage, dark_px=dark_px, bright=line.track.bright)
     place_m = level.places_of(fit.columns_px[None])[0]
     if not np.isfinite(place_m).all():
         return Verdict(line, NO_MEETING)

@@ -10,14 +10,11 @@ from scipy.optimize import least_squares
 
 from leakloc.glints import IMAGES, glint_offsets
 from leakloc.levelled import LevelPair
+from leakloc.lineshape import BLUR_PX, PEAK, blurred_chord, clipped, gaussian, limb
 from leakloc.rig import Array, Rig
 from leakloc.shadows import penumbra_m, shadow_places
 
-BLUR_PX = 0.65  # standard deviation of a point's image: lens, and the pixel's own width
 BLUR_SPREAD, BLUR_FACTORS = 0.25, (0.6, 2.0)  # of its logarithm; least and most
-CHORD_NODES = 24
-CHORD_ANGLES = np.arange(1, CHORD_NODES + 1) * np.pi / (CHORD_NODES + 1)
-CHORD_PLACES, CHORD_WEIGHTS = np.cos(CHORD_ANGLES), np.sin(CHORD_ANGLES) ** 2 / (np.sin(CHORD_ANGLES) ** 2).sum()
 DROP_RADIUS_M = 0.006  # in the middle of what drips: free drops reach 3 mm, drops of the paper are drawn larger
 RADIUS_SPREAD, RADIUS_FACTORS = 0.7, (1 / 3, 3.0)  # of its logarithm; drops of 2 to 18 mm
 LAMP_SPREAD = 0.3  # of the logarithm of one lamp's power over another's
@@ -26,9 +23,9 @@ WIDTH_SPREAD = 0.15  # of the logarithm of a shadow's width
 WINDOW_PX = 25
 DARK_PX = 1.5  # standard deviation of a seen shadow's columns, which its drop may have pulled
 STRAY_PX = 1.5  # of a drop from where it was seen, lest it slides onto its shadow
-CLIPPED_SPREAD, MOST_CLIPPED = 5.0, 40.0  # of a glint's peak over the limit that hits are clipped at
-LIMB_SHARE, LIMB_FROM = 0.08, 0.4
-STARTS = ((0.6, 1.0), (1.8, 4.0))
+OVER_SPREAD, MOST_OVER = 5.0, 40.0  # of a glint's peak over the limit that hits are clipped at
+LIMB_SHARE = 0.08  # of the profile's peak: standard deviation of what a limb shows of the walls
+STARTS = ((0.6, 1.0), (1.8, 4.0))  # of the radius over DROP_RADIUS_M, and of what the limit takes of a glint
 MODEL_ERROR = 0.02  # of the profile's peak: what the shapes cannot follow
 
 
@@ -76,37 +73,6 @@ class Prediction:
     def blur_px(self) -> Array:
         """Half-width (lamps, 2) of the penumbra of a drop of DROP_RADIUS_M."""
         return np.hypot(self.lamp_blur_px, self.drop_px)
-
-
-def gaussian(columns_px: Array, centre_px: float, sigma_px: float) -> Array:
-    """A point's image, of unit sum."""
-    return np.asarray(np.exp(-0.5 * ((columns_px - centre_px) / sigma_px) ** 2) / (np.sqrt(2 * np.pi) * sigma_px))
-
-
-def blurred_chord(columns_px: Array, centre_px: float, radius_px: float, blur_px: float = BLUR_PX) -> Array:
-    """A disc swept along the column and blurred, of unit sum: sqrt(1 - u^2) by Gauss-Chebyshev nodes."""
-    places = centre_px + radius_px * CHORD_PLACES
-    sigma = np.hypot(blur_px, 1.2 * radius_px / CHORD_NODES)  # bridges the nodes of a very wide shadow
-    return np.asarray(
-        np.exp(-0.5 * ((columns_px[:, None] - places) / sigma) ** 2) @ CHORD_WEIGHTS / (np.sqrt(2 * np.pi) * sigma)
-    )
-
-
-def limb(columns_px: Array, centre_px: float, radius_px: float, blur_px: float, side: float) -> Array:
-    """One limb of a drop's disc swept along the column and blurred, of unit sum."""
-    outer = side * CHORD_PLACES > LIMB_FROM
-    places, weights = centre_px + radius_px * CHORD_PLACES[outer], CHORD_WEIGHTS[outer]
-    return np.asarray(gaussian(columns_px[:, None], places, blur_px) @ (weights / weights.sum()))
-
-
-def clipped(light: Array, over: float) -> Array:
-    """A glint's light (n,) whose bright parts the limit for hits takes, of unit sum again.
-
-    `over`: the peak of a point's image over the limit; the noise about the limit rounds its corner.
-    """
-    peak = float(gaussian(np.zeros(1), 0.0, BLUR_PX)[0])
-    kept = -np.expm1(-over * light / peak) if over > 1e-6 else light
-    return np.asarray(kept / kept.sum())
 
 
 def stray(level: LevelPair, start_px: Array) -> float:
@@ -171,13 +137,20 @@ def _with_shadow(expected: Prediction, dark_px: Array) -> Prediction:
 class _Problem:
     """Residuals of one leak's model.
 
-    Parameters: the drop's two columns; the logarithms of its radius over DROP_RADIUS_M, of the blur over BLUR_PX, and
-    of each further lamp's power over the first one's; then per shadow how far its two columns stray from where lamp and
-    wall put them, and the logarithm of its width over the predicted one.
+    Parameters: the drop's two columns; the logarithms of its radius over DROP_RADIUS_M and of the blur over BLUR_PX;
+    what the limit for hits takes of its glints in either view; the logarithm of each further lamp's power over the
+    first one's; then per shadow how far its two columns stray from where lamp and wall put them, and the logarithm of
+    its width over the predicted one. Limbs and limit are for bright lines: beside a shadow they could stand for it.
     """
 
     def __init__(
-        self, profiles: Sequence[Profile], start_px: Array, stage: tuple[LevelPair, Rig], dark_px: Array | None, bright: bool
+        self,
+        profiles: Sequence[Profile],
+        start_px: Array,
+        stage: tuple[LevelPair, Rig],
+        dark_px: Array | None,
+        *,
+        bright: bool,
     ) -> None:
         width = len(profiles[0].values)
         self.level, self.rig = level, rig = stage
@@ -196,46 +169,43 @@ class _Problem:
         reach_px = WINDOW_PX + self.expected.blur_px
         self.shadows = np.flatnonzero((np.abs(self.expected.shadows_px - start_px) < reach_px).any(axis=1))
         self.lamps = len(self.expected.glints_px)
-        self.sides = (-1.0, 1.0) if bright else ()
-        self.light = [float(np.abs(d).max()) / float(gaussian(np.zeros(1), 0.0, BLUR_PX)[0]) for d in self.data]
+        self.limbs = (-1.0, 1.0) if bright else ()
+        self.light = [float(np.abs(d).max()) / PEAK for d in self.data]
         self.drop_px = DROP_RADIUS_M * level.focal_px / float(level.depths_m(level.places_of(start_px[None]))[0])
         self.first = 5 + self.lamps  # of the shadows' parameters
         self.start = np.concatenate([start_px, np.zeros(self.first - 2 + 3 * len(self.shadows))])
-        self.stray_px = stray(level, start_px) if self.sides else STRAY_PX
+        self.stray_px = stray(level, start_px) if self.limbs else STRAY_PX
         self.spreads = np.concatenate(
             [
-                [RADIUS_SPREAD, BLUR_SPREAD, CLIPPED_SPREAD, CLIPPED_SPREAD],
+                [RADIUS_SPREAD, BLUR_SPREAD, OVER_SPREAD, OVER_SPREAD],
                 np.full(self.lamps - 1, LAMP_SPREAD),
                 *(np.append(self.expected.spread_px[lamp], WIDTH_SPREAD) for lamp in self.shadows),
             ]
         )
 
     def starts(self) -> list[Array]:
-        """A small drop and a large one, whose glints the limit for hits takes: between them lies a ridge."""
-        if not self.sides:
+        """Of a bright line a small drop, and a large one whose glints the limit takes: a ridge lies between them."""
+        if not self.limbs:
             return [self.start]
-        starts = [self.start.copy() for _ in STARTS]
-        for start, (radius, over) in zip(starts, STARTS, strict=True):
-            start[2], start[4:6] = np.log(radius), over
-        return starts
+        known, rest = self.start[:2], self.start[6:]
+        return [np.concatenate([known, [np.log(radius), 0.0, over, over], rest]) for radius, over in STARTS]
 
     def bounds(self) -> tuple[Array, Array]:
         """Least and greatest parameters: the drop stays where it was seen, radius and blur what they can be."""
         least, most = np.full_like(self.start, -np.inf), np.full_like(self.start, np.inf)
         least[:2], most[:2] = self.start[:2] - self.stray_px, self.start[:2] + self.stray_px
         (least[2], most[2]), (least[3], most[3]) = np.log(RADIUS_FACTORS), np.log(BLUR_FACTORS)
-        least[4:6], most[4:6] = 0.0, MOST_CLIPPED if self.sides else 1e-9
+        least[4:6], most[4:6] = 0.0, MOST_OVER if self.limbs else 1e-9
         return least, most
 
     def shapes(self, theta: Array, view: int) -> Array:
-        """Columns' light of a unit drop and of unit shadows, (columns, shapes)."""
+        """Columns' light of unit glints, of a drop's limbs if they are asked for, and of unit shadows, (columns, n)."""
         x, radius, blur_px = self.columns[view], np.exp(theta[2]), BLUR_PX * np.exp(theta[3])
         light = self.expected.glint_light[:, view] * np.exp(np.append(0.0, theta[6 : self.first]))[:, None]
         at = theta[view] + radius * self.expected.glints_px[:, view]
         glints = gaussian(x[:, None], at.ravel(), blur_px) @ (light / light.sum()).ravel()
         parts = [clipped(glints, theta[4 + view])]
-        radius_px = radius * self.drop_px
-        parts += [limb(x, theta[view], radius_px, blur_px, side) for side in self.sides]
+        parts += [limb(x, theta[view], radius * self.drop_px, blur_px, side) for side in self.limbs]
         if len(self.shadows):
             shadows_px = self.shadows_px(theta)[:, view]
             for k, lamp in enumerate(self.shadows):
@@ -258,12 +228,11 @@ class _Problem:
     def amplitudes(self, theta: Array, view: int) -> tuple[Array, Array]:
         """Least-squares light of every shape, and what is left of the profile in standard deviations."""
         A = self.shapes(theta, view) / self.sigmas[view]
-        limbs = len(self.sides)
-        ridge = np.zeros((limbs, A.shape[1]))
-        ridge[np.arange(limbs), np.arange(1, 1 + limbs)] = 1 / (LIMB_SHARE * self.light[view])
-        data = np.append(self.data[view] / self.sigmas[view], np.zeros(limbs))
-        light = np.linalg.lstsq(np.vstack([A, ridge]), data, rcond=1e-6)[0]
-        return light, data - np.vstack([A, ridge]) @ light
+        limbs = len(self.limbs)
+        believed = np.eye(limbs, A.shape[1], k=1) / (LIMB_SHARE * self.light[view])  # limbs show little
+        A, data = np.vstack([A, believed]), np.append(self.data[view] / self.sigmas[view], np.zeros(limbs))
+        light = np.linalg.lstsq(A, data, rcond=1e-6)[0]
+        return light, data - A @ light
 
     def residuals(self, theta: Array) -> Array:
         """Both views' rests, and how far every other parameter strays from what is believed of it."""
@@ -273,8 +242,7 @@ class _Problem:
 def fit_line(
     profiles: Sequence[Profile],
     start_px: Array,
-    level: LevelPair,
-    rig: Rig,
+    stage: tuple[LevelPair, Rig],
     *,
     dark_px: Array | None = None,
     bright: bool = True,
@@ -282,8 +250,9 @@ def fit_line(
     """Least-squares fit of both views' profiles; start_px (2,): the drop's columns to within a pixel or two.
 
     dark_px (2,): columns of a shadow that is seen beside the drop, which counts where lamp and wall tell of none.
+    bright: nothing but a drop is seen there, so that its limbs and the limit for hits may be fitted as well.
     """
-    problem = _Problem(profiles, start_px, (level, rig), dark_px, bright)
+    problem = _Problem(profiles, start_px, stage, dark_px, bright=bright)
     bounds = problem.bounds()
     found = min(
         (
@@ -298,5 +267,5 @@ def fit_line(
     covariance = np.linalg.pinv(found.jac.T @ found.jac)[:2, :2] * poor
     peak = float(gaussian(np.zeros(1), 0.0, BLUR_PX * np.sqrt(2))[0]) ** 0.5  # norm of a unit glint
     glint_sigmas = np.array([a[0] * peak / p.sigma for a, p in zip(light, profiles, strict=True)]) / np.sqrt(poor)
-    taken = np.array([max(-a[1 + len(problem.sides) :].min(initial=0.0), 1e-9) for a in light])
+    taken = np.array([max(-a[1 + len(problem.limbs) :].min(initial=0.0), 1e-9) for a in light])
     return LineFit(found.x[:2], covariance, glint_sigmas, np.array([a[0] for a in light]) / taken, chi2)

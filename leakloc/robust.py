@@ -31,6 +31,7 @@ EDGE_PX = 3
 COUNT_STEP = 4  # columns that share a threshold
 FARTHEST_M = 10.0  # ground beyond counts no more than there
 SYSTEMATIC_RADII = 0.055  # of a drop's column: what it shows of the walls is not known, and lies off its middle
+SYSTEMATIC_RADII_BESIDE = 0.075  # where a shadow stands beside it
 LEVEL_ROUNDS = 3
 LINE_REACH_M, LINE_POINTS = 1.0, 81  # of a plumb line above and below the cameras, to see where it crosses mid-row
 SETTLED_RAD = np.radians(0.03)  # half a pixel between the top and the bottom of an image of 1000 rows
@@ -153,7 +154,8 @@ def _leak(verdict: Verdict, level: LevelPair, rig: Rig) -> LeakEstimate:
     columns_px = verdict.fit.columns_px
     place_m = level.places_of(columns_px[None])[0]
     drop_px = DROP_RADIUS_M * level.focal_px / float(level.depths_m(place_m[None])[0])
-    covariance = verdict.fit.covariance_px2 + (SYSTEMATIC_RADII * drop_px) ** 2 * np.eye(2)
+    systematic = SYSTEMATIC_RADII if verdict.line.track.bright else SYSTEMATIC_RADII_BESIDE
+    covariance = verdict.fit.covariance_px2 + (systematic * drop_px) ** 2 * np.eye(2)
     slopes = level.place_slopes(columns_px)
     left_px, right_px = raw_columns(place_m, rig)
     return LeakEstimate(

@@ -4,7 +4,8 @@ import numpy as np
 from scipy.stats import binom
 
 from leakloc.levelled import level_pair
-from leakloc.linefit import BLUR_PX, RADIUS_FACTORS, RADIUS_SPREAD, Profile, fit_line, gaussian, predict
+from leakloc.linefit import RADIUS_FACTORS, RADIUS_SPREAD, Profile, fit_line, predict
+from leakloc.lineshape import BLUR_PX, gaussian
 from leakloc.rig import Rig
 
 LAMP = np.array([[-2.3, 0.8, 0.4, 0.1]])
@@ -34,7 +35,7 @@ def test_the_region_of_a_drop_of_unknown_radius_holds_its_columns(make_rig):
         place_m = np.array([rng.uniform(-0.5, 1.5), rng.uniform(-0.8, 0.8)])
         factor = np.clip(np.exp(RADIUS_SPREAD * rng.normal()), *RADIUS_FACTORS)
         profiles, columns_px = glinting(place_m, factor, level, rig, rng)
-        fit = fit_line(profiles, np.rint(columns_px), level, rig)
+        fit = fit_line(profiles, np.rint(columns_px), (level, rig))
         off_px = fit.columns_px - columns_px
         inside += bool(off_px @ np.linalg.solve(fit.covariance_px2, off_px) < 5.99)
     # a coverage of 90 % gives fewer with probability 1e-4; with the radius thought known it is half of them
@@ -48,7 +49,7 @@ def test_a_drop_of_the_believed_radius_is_found_within_its_noise(make_rig):
     errors_px = []
     for _ in range(40):
         profiles, columns_px = glinting(place_m, 1.0, level, rig, rng)
-        fit = fit_line(profiles, np.rint(columns_px), level, rig)
+        fit = fit_line(profiles, np.rint(columns_px), (level, rig))
         errors_px.append(fit.columns_px - columns_px)
     # what the eye would say, the middle of the glints, is off by more
     glints = predict(place_m, level, rig)

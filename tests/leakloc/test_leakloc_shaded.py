@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 from leakloc.fall import FRAMES_PER_S, GRAVITY_M_S2, LEAK_ABOVE_M, STEPS, along_fall, fall_path
 from leakloc.levelled import level_pair
-from leakloc.linefit import Profile, blurred_chord
+from leakloc.linefit import Profile
+from leakloc.lineshape import blurred_chord
 from leakloc.nearwall import near_wall
 from leakloc.rig import Rig
 from leakloc.shaded import drop_of_shadow

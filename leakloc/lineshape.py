@@ -1,0 +1,48 @@
+"""What drops and shadows look like across the column that they fall along: the shapes of a line's profile."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from leakloc.rig import Array
+
+BLUR_PX = 0.65  # standard deviation of a point's image: lens, and the pixel's own width
+CHORD_NODES = 24
+CHORD_ANGLES = np.arange(1, CHORD_NODES + 1) * np.pi / (CHORD_NODES + 1)
+CHORD_PLACES, CHORD_WEIGHTS = np.cos(CHORD_ANGLES), np.sin(CHORD_ANGLES) ** 2 / (np.sin(CHORD_ANGLES) ** 2).sum()
+PEAK = 1 / (np.sqrt(2 * np.pi) * BLUR_PX)  # of a point's image of unit light
+LIMB_FROM = 0.4  # of a drop's radius: nearer the middle its glints outshine it
+LEAST_OVER = 1e-6  # of a glint's peak over the limit: less is not clipped at all
+
+
+def gaussian(columns_px: Array, centre_px: float | Array, sigma_px: float) -> Array:
+    """A point's image, of unit sum."""
+    return np.asarray(np.exp(-0.5 * ((columns_px - centre_px) / sigma_px) ** 2) / (np.sqrt(2 * np.pi) * sigma_px))
+
+
+def blurred_chord(columns_px: Array, centre_px: float, radius_px: float, blur_px: float = BLUR_PX) -> Array:
+    """A disc swept along the column and blurred, of unit sum: sqrt(1 - u^2) by Gauss-Chebyshev nodes."""
+    places = centre_px + radius_px * CHORD_PLACES
+    sigma = np.hypot(blur_px, 1.2 * radius_px / CHORD_NODES)  # bridges the nodes of a very wide shadow
+    return np.asarray(
+        np.exp(-0.5 * ((columns_px[:, None] - places) / sigma) ** 2) @ CHORD_WEIGHTS / (np.sqrt(2 * np.pi) * sigma)
+    )
+
+
+def limb(columns_px: Array, centre_px: float, radius_px: float, blur_px: float, side: float) -> Array:
+    """One limb of a drop's disc swept along the column and blurred, of unit sum; side -1 (left) or 1 (right).
+
+    Besides the lamp's images a drop shows the walls, bent: one limb those beside the lamp, the other the dark ones.
+    """
+    outer = side * CHORD_PLACES > LIMB_FROM
+    places, weights = centre_px + radius_px * CHORD_PLACES[outer], CHORD_WEIGHTS[outer]
+    return np.asarray(gaussian(columns_px[:, None], places, blur_px) @ (weights / weights.sum()))
+
+
+def clipped(light: Array, over: float) -> Array:
+    """A glint's light (n,) whose bright parts the limit for hits takes, of unit sum again.
+
+    `over`: the peak of a point's image over the limit; the noise about the limit rounds its corner.
+    """
+    kept = -np.expm1(-over * light / PEAK) if over > LEAST_OVER else light
+    return np.asarray(kept / kept.sum())
