@@ -1,11 +1,12 @@
 """One leak's line fitted to both profiles: where it says the drop is, and how well it says that it knows."""
 
 import numpy as np
+import pytest
 from scipy.stats import binom
 
 from leakloc.levelled import level_pair
-from leakloc.linefit import RADIUS_FACTORS, RADIUS_SPREAD, Profile, fit_line, predict
-from leakloc.lineshape import BLUR_PX, gaussian
+from leakloc.linefit import DROP_RADIUS_M, RADIUS_FACTORS, RADIUS_SPREAD, Profile, fit_line, predict
+from leakloc.lineshape import BLUR_PX, PEAK, gaussian, limb
 from leakloc.rig import Rig
 
 LAMP = np.array([[-2.3, 0.8, 0.4, 0.1]])
@@ -13,28 +14,36 @@ LAMP = np.array([[-2.3, 0.8, 0.4, 0.1]])
 N_FITS = 150
 
 
-def with_side_lamp(rig):
-    return Rig(rig.K1, rig.D1, rig.K2, rig.D2, rig.R, rig.T, rig.image_size, rig.world_from_left, LAMP)
+BOTH_SIDES = np.array([[-2.0, 1.2, 0.4, 0.1], [-2.0, -1.2, 0.4, 0.1]])
 
 
-def glinting(place_m, radius_factor, level, rig, rng):
-    """Noisy profiles of a drop of so many believed radii, without a wall and so without shadows."""
+def with_lamps(rig, lamps=LAMP):
+    return Rig(rig.K1, rig.D1, rig.K2, rig.D2, rig.R, rig.T, rig.image_size, rig.world_from_left, lamps)
+
+
+def glinting(place_m, radius_factor, stage, rng, over=None):
+    """Noisy profiles of a drop of so many believed radii, without a wall and so without shadows.
+
+    over: the peak of a point's image over the limit that hits are clipped at; None without a limit.
+    """
+    level, rig = stage
     expected, columns_px = predict(place_m, level, rig), level.columns_of(place_m[None])[0]
     x, profiles = np.arange(960.0), []
     for view in range(2):
-        at = columns_px[view] + radius_factor * expected.glints_px[0, view]
-        shape = gaussian(x[:, None], at, BLUR_PX) @ expected.glint_light[0, view]
-        profiles.append(Profile(60 * shape + rng.normal(0, 1, 960), 1.0))
+        at = columns_px[view] + radius_factor * expected.glints_px[:, view]
+        shape = gaussian(x[:, None], at.ravel(), BLUR_PX) @ expected.glint_light[:, view].ravel()
+        seen = 60 * shape if over is None else 70 * (1 - np.exp(-over * shape / PEAK))
+        profiles.append(Profile(seen + rng.normal(0, 1, 960), 1.0))
     return profiles, columns_px
 
 
 def test_the_region_of_a_drop_of_unknown_radius_holds_its_columns(make_rig):
-    rig, rng, inside = with_side_lamp(make_rig()), np.random.default_rng(11), 0
+    rig, rng, inside = with_lamps(make_rig()), np.random.default_rng(11), 0
     level = level_pair(rig)
     for _ in range(N_FITS):
         place_m = np.array([rng.uniform(-0.5, 1.5), rng.uniform(-0.8, 0.8)])
         factor = np.clip(np.exp(RADIUS_SPREAD * rng.normal()), *RADIUS_FACTORS)
-        profiles, columns_px = glinting(place_m, factor, level, rig, rng)
+        profiles, columns_px = glinting(place_m, factor, (level, rig), rng)
         fit = fit_line(profiles, np.rint(columns_px), (level, rig))
         off_px = fit.columns_px - columns_px
         inside += bool(off_px @ np.linalg.solve(fit.covariance_px2, off_px) < 5.99)
@@ -44,14 +53,53 @@ def test_the_region_of_a_drop_of_unknown_radius_holds_its_columns(make_rig):
 
 
 def test_a_drop_of_the_believed_radius_is_found_within_its_noise(make_rig):
-    rig, rng = with_side_lamp(make_rig()), np.random.default_rng(12)
+    rig, rng = with_lamps(make_rig()), np.random.default_rng(12)
     level, place_m = level_pair(rig), np.array([0.4, 0.3])
     errors_px = []
     for _ in range(40):
-        profiles, columns_px = glinting(place_m, 1.0, level, rig, rng)
+        profiles, columns_px = glinting(place_m, 1.0, (level, rig), rng)
         fit = fit_line(profiles, np.rint(columns_px), (level, rig))
         errors_px.append(fit.columns_px - columns_px)
     # what the eye would say, the middle of the glints, is off by more
     glints = predict(place_m, level, rig)
     middle_px = (glints.glint_light[0] * glints.glints_px[0]).sum(axis=1)
     assert (np.abs(np.mean(errors_px, axis=0)) < 0.3 * np.abs(middle_px)).all()
+
+
+@pytest.mark.parametrize("over", [3.0, 20.0])
+def test_glints_that_the_limit_for_hits_cuts_flat_still_tell_the_columns(make_rig, over):
+    # two groups of glints, as of a drop between two lamps, each many times brighter than the limit
+    rig, rng = with_lamps(make_rig(), BOTH_SIDES), np.random.default_rng(13)
+    level, place_m = level_pair(rig), np.array([0.1, 0.2])
+    for _ in range(10):
+        profiles, columns_px = glinting(place_m, 1.9, (level, rig), rng, over)
+        fit = fit_line(profiles, np.rint(columns_px) + np.array([2, -1]), (level, rig))
+        assert np.abs(fit.columns_px - columns_px).max() < 0.15
+        assert fit.chi2 < 3
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_limb_lies_on_its_own_side_of_the_drop_and_no_farther_off_than_its_edge(side):
+    x = np.arange(100.0)
+    seen = limb(x, 50.0, 4.0, 0.5, side)
+    assert seen.sum() == pytest.approx(1.0, abs=1e-3)
+    assert 0.4 * 4 < side * (seen @ x / seen.sum() - 50) < 4
+
+
+def test_a_bright_and_a_dark_limb_do_not_push_the_drop_aside(make_rig):
+    rig, rng = with_lamps(make_rig()), np.random.default_rng(14)
+    level, place_m, x = level_pair(rig), np.array([0.0, 0.1]), np.arange(960.0)
+    with_limbs_px, without_px = [], []
+    for _ in range(10):
+        profiles, columns_px = glinting(place_m, 1.9, (level, rig), rng, over=7.0)
+        radius_px = 1.9 * DROP_RADIUS_M * level.focal_px / float(level.depths_m(place_m[None])[0])
+        shown = [
+            Profile(p.values + 8 * (limb(x, c, radius_px, BLUR_PX, 1.0) - limb(x, c, radius_px, BLUR_PX, -1.0)), 1.0)
+            for p, c in zip(profiles, columns_px, strict=True)
+        ]
+        for found, bright in ((with_limbs_px, True), (without_px, False)):
+            fit = fit_line(shown, np.rint(columns_px), (level, rig), bright=bright)
+            found.append(fit.columns_px - columns_px)
+    rms_px, rms_without_px = (np.sqrt(np.mean(np.square(errors))) for errors in (with_limbs_px, without_px))
+    assert rms_px < 0.1
+    assert rms_px < 0.5 * rms_without_px
