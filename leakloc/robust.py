@@ -30,8 +30,8 @@ from leakloc.verdict import LEAK, Verdict
 EDGE_PX = 3
 COUNT_STEP = 4  # columns that share a threshold
 FARTHEST_M = 10.0  # ground beyond counts no more than there
-SYSTEMATIC_RADII = 0.055  # of a drop's column: what it shows of the walls is not known, and lies off its middle
-SYSTEMATIC_RADII_BESIDE = 0.075  # where a shadow stands beside it
+SYSTEMATIC_RADII = 0.045  # of a drop's column: what it shows of the walls is not known, and lies off its middle
+SYSTEMATIC_RADII_BESIDE = 0.065  # where a shadow stands beside it
 LEVEL_ROUNDS = 3
 LINE_REACH_M, LINE_POINTS = 1.0, 81  # of a plumb line above and below the cameras, to see where it crosses mid-row
 SETTLED_RAD = np.radians(0.03)  # half a pixel between the top and the bottom of an image of 1000 rows
