@@ -5,7 +5,7 @@ import sys
 from collections.abc import Callable
 from functools import wraps
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import click
 
@@ -37,7 +37,10 @@ SEED = click.IntRange(0, 2**63 - 1)
 
 
 def clear_errors(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Turn an error of the user's input into one message and exit code 2; anything else is a defect and may be seen."""
+    """Turn an error of the user's input into one message and exit code 2; anything else is a defect and may be seen.
+
+    What the system says of a path that it was given (too long, not permitted, no space) is such an error, too.
+    """
 
     @wraps(command)
     def wrapped(*args: Any, **options: Any) -> Any:
@@ -54,11 +57,21 @@ def clear_errors(command: Callable[..., Any]) -> Callable[..., Any]:
         try:
             return command(*args, **options)
         except (*INPUT_ERRORS, *foreign, *studies) as error:
-            for line in str(error).splitlines():
-                click.echo(f"Error: {line}", err=True)
-            sys.exit(BAD_INPUT)
+            _refuse(str(error))
+        except OSError as error:
+            if error.filename is None:
+                raise
+            _refuse(f"{error.filename}: {error.strerror}")
 
     return wrapped
+
+
+def _refuse(message: str) -> NoReturn:
+    """Say a line a mistake, so that nothing in a file or its name steers the terminal, and exit with 2."""
+    for line in message.split("\n"):
+        shown = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in line)
+        click.echo(f"Error: {shown}", err=True)
+    sys.exit(BAD_INPUT)
 
 
 def scenario_options(command: Callable[..., Any]) -> Callable[..., Any]:

@@ -82,9 +82,10 @@ def nearest(word: str, known: Sequence[str]) -> str:
 
 
 def shown(value: object) -> str:
-    """A value as a line of text shows it."""
-    text = repr(value)
-    return text if len(text) <= SHOWN_VALUE_CHARS else f"{text[: SHOWN_VALUE_CHARS - 3]}..."
+    """A value as a line of text shows it, and no more of a long one is looked at."""
+    text = repr(value[:SHOWN_VALUE_CHARS] if isinstance(value, str | list | tuple) else value)
+    cut = isinstance(value, str | list | tuple) and len(value) > SHOWN_VALUE_CHARS
+    return text if len(text) <= SHOWN_VALUE_CHARS and not cut else f"{text[: SHOWN_VALUE_CHARS - 3]}..."
 
 
 def capped(lines: list[str], source: str) -> list[str]:
@@ -210,8 +211,12 @@ def _touches(reads: Sequence[str], bad_keys: set[str]) -> bool:
 
 def _key(location: Sequence[int | str]) -> str:
     """Key as it stands in the file: pydantic puts a structure's kind between its number and its field."""
-    parts = [part for i, part in enumerate(location) if not (i == 2 and location[0] == "structure")]
-    return ".".join(_plain(str(part)) for part in parts)
+    return shown_key([part for i, part in enumerate(location) if not (i == 2 and location[0] == "structure")])
+
+
+def shown_key(location: Sequence[int | str]) -> str:
+    """A key as a line of text shows it."""
+    return ".".join(_plain(str(part)) for part in location)
 
 
 def _plain(part: str) -> str:

@@ -10,8 +10,13 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from leakloc.outside_file import read_json
+
 MARKERS = ("clip.json", "dataset.json", "demo.json", "noise.json", "export.json", "tables.json")
 """A folder that the tool made holds one of these, with a key "made_by"."""
+
+MAX_MARKER_BYTES = 6_000_000
+"""Of a data set of 100 000 clips some 2 000 000."""
 
 
 class OutputError(ValueError):
@@ -54,11 +59,9 @@ def _markers(folder: Path) -> set[str]:
 
 def _content_of(path: Path) -> dict[str, Any]:
     """Content of a JSON file, empty where there is none or it holds no table."""
-    if not path.is_file() or path.stat().st_size > 100_000_000:
-        return {}
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (ValueError, OSError, RecursionError):
+        content = read_json(path, MAX_MARKER_BYTES)
+    except ValueError:
         return {}
     return content if isinstance(content, dict) else {}
 
@@ -87,8 +90,12 @@ def check_target(path: Path) -> None:
         raise OutputError(f"{path}: must be a regular file, not a folder or device")
     for clip, name in ((path.parent, path.name), (path.parent.parent, f"{path.parent.name}/{path.name}")):
         manifest = _content_of(clip / "clip.json")
-        if name in {"clip.json", *manifest.get("files", {})} and manifest:
+        if manifest and name in {"clip.json", *_names(manifest.get("files"))}:
             raise OutputError(f"{path}: belongs to the clip {clip}; a clip is replaced as a whole or not at all")
+
+
+def _names(files: Any) -> list[str]:
+    return list(files) if isinstance(files, dict) else []
 
 
 def check_new(destination: Path) -> None:
@@ -122,6 +129,8 @@ def write_json(path: Path, content: Any) -> None:
 
 
 def _is_taken(destination: Path) -> bool:
+    if destination.name in ("", ".."):
+        raise OutputError(f"{destination}: must be a folder with a name of its own, which is made")
     _remove_leftovers(destination)
     if destination.is_symlink() or (destination.exists() and not destination.is_dir()):
         raise OutputError(f"{destination}: must be a folder, not a file or link")

@@ -7,7 +7,6 @@ The models hold what a scenario file may say, the range of every value and nothi
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
-from pydantic_core import PydanticKnownError
 
 MAX_LEAKS = 100
 MAX_LAMPS = 16
@@ -26,8 +25,7 @@ def list_of_at_most(max_length: int) -> BeforeValidator:
 
     def short_tuple(value: Any) -> Any:
         if isinstance(value, list | tuple) and len(value) > max_length:
-            found = {"field_type": "List", "max_length": max_length, "actual_length": len(value)}
-            raise PydanticKnownError("too_long", found)
+            raise ValueError(f"must have at most {max_length} entries")
         return tuple_of_list(value)
 
     return BeforeValidator(short_tuple)
@@ -43,6 +41,7 @@ Metres = Annotated[float, Field(ge=-100.0, le=100.0)]
 Degrees = Annotated[float, Field(ge=-180.0, le=180.0)]
 Reflectance = Annotated[float, Field(gt=0.0, lt=1.0)]
 Point = Annotated[tuple[Metres, Metres, Metres], BeforeValidator(tuple_of_list)]
+Side = Annotated[float, Field(ge=0.0001, le=100.0)]
 Distortion = Annotated[
     tuple[
         Annotated[float, Field(ge=-1.0, le=1.0)],
@@ -147,7 +146,7 @@ class BoxTable(Model):
 
     kind: Literal["box"]
     centre_m: Point
-    size_m: Point
+    size_m: Annotated[tuple[Side, Side, Side], BeforeValidator(tuple_of_list)]
     yaw_deg: Degrees = 0.0
     reflectance: Reflectance = 0.08
 
@@ -158,7 +157,7 @@ class PipeTable(Model):
     kind: Literal["pipe"]
     start_m: Point
     end_m: Point
-    radius_m: float = Field(0.05, gt=0.0, le=5.0)
+    radius_m: float = Field(0.05, ge=0.0001, le=5.0)
     reflectance: Reflectance = 0.08
 
 
@@ -167,14 +166,14 @@ class GratingTable(Model):
 
     kind: Literal["grating"]
     centre_m: Point
-    size_m: Annotated[tuple[Metres, Metres], BeforeValidator(tuple_of_list)]
+    size_m: Annotated[tuple[Side, Side], BeforeValidator(tuple_of_list)]
     pitch_m: float = Field(0.1, gt=0.001, le=10.0)
     bar_m: float = Field(0.01, gt=0.0001, le=10.0)
     reflectance: Reflectance = 0.08
 
 
 class MeshTable(Model):
-    """A mesh file that trimesh can load; a relative path starts at the scenario file."""
+    """A mesh file, STL, PLY, OBJ or OFF; a relative path starts at the scenario file."""
 
     kind: Literal["mesh"]
     path: str = Field(min_length=1, max_length=1000)

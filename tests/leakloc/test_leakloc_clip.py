@@ -128,7 +128,7 @@ BAD_CLIPS = {
     "input.json huge": (written("input.json", b" " * (1 << 21)), "input.json: must be at most 1048576 bytes"),
     "fps 0": (edited(fps=0), "fps must be a number > 0 .* got 0"),
     "fps a text": (edited(fps="12"), "fps must be a number .* got '12'"),
-    "fps infinite": (edited(fps=float("inf")), "fps must be .* got inf"),
+    "fps infinite": (edited(fps=float("inf")), "numbers must be finite .* got Infinity"),
     "fps beyond floats": (edited(fps=10**400), "fps must be"),
     "exposure longer than a frame": (edited(exposure_s=0.1), r"exposure_s must be a number > 0 and <= 0.0833"),
     "exposure missing": (edited(exposure_s=None), "exposure_s must be"),
