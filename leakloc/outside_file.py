@@ -1,7 +1,7 @@
 """Files that others wrote: opened only when they are regular and small, read as data, and never waited for.
 
-A path may lead anywhere: a pipe hangs its reader, a device has no end, a sparse file is large for nothing, and JSON of a
-few megabytes can be gigabytes of objects or nest deeper than Python recurses.
+A path may lead anywhere: a pipe hangs its reader, a device has no end, a sparse file is large for nothing, and JSON of
+a few megabytes can be gigabytes of objects or nest deeper than Python recurses.
 """
 
 from __future__ import annotations

@@ -52,10 +52,12 @@ def run(  # noqa: PLR0913  one argument per option
     timeout: float,
 ) -> None:
     """Run what is not there yet, and say what came out."""
-    from scenarios.estimators import EstimatorSpec
+    from scenarios.estimators import EstimatorSpec, check_there
 
     foreign = [EstimatorSpec("callable", text, timeout) for text in callables]
     foreign += [EstimatorSpec("command", text, timeout) for text in commands]
+    for spec in foreign:
+        check_there(spec)
     wanted = read_campaign(file) if repeats is None else repeated(read_campaign(file), repeats)
     check_target(store)
     if dask is None:

@@ -109,10 +109,12 @@ def estimator_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 def chosen_estimator(options: dict[str, Any]) -> Any:
     """Return the specification of the one estimator that the options name."""
-    from scenarios.estimators import EstimatorSpec
+    from scenarios.estimators import EstimatorSpec, check_there
 
     kinds = {"method": "method", "estimator": "callable", "command": "command"}
     given: list[tuple[Any, str]] = [(kind, options[name]) for name, kind in kinds.items() if options[name]]
     if len(given) != 1:
         raise click.UsageError("exactly one of --method, --estimator and --command must say what is tested")
-    return EstimatorSpec(*given[0], options["timeout"])
+    spec = EstimatorSpec(*given[0], options["timeout"])
+    check_there(spec)
+    return spec

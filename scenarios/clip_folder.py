@@ -54,7 +54,7 @@ def write_clip(
         (folder / "truth.json").write_text(truth_json(clip.truth), encoding="utf-8")
         (folder / "scenario.toml").write_text(scenario_toml(clip.scenario), encoding="utf-8")
         for name in (*ESTIMATORS_FILES, *TRUTH_FILES):
-            sums[name] = _sha256(folder / name)
+            sums[name] = sha256_of(folder / name)
         write_json(folder / MANIFEST, _manifest(clip, sums))
         verify_clip(folder)
 
@@ -122,7 +122,7 @@ def _write_frames(frames: np.ndarray, folder: Path) -> dict[str, str]:
         back = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
         if back is None or not np.array_equal(back, frames[number]):
             raise OutputError(f"{path}: reads back differently from what was written; is the disk full?")
-        return f"{folder.name}/{path.name}", _sha256(path)
+        return f"{folder.name}/{path.name}", sha256_of(path)
 
     with ThreadPoolExecutor(2) as threads:
         return dict(threads.map(write, range(len(frames))))
@@ -175,9 +175,10 @@ def _damage(folder: Path, name: str, expected: str) -> str | None:
         return "missing"
     if path.stat().st_size > MAX_LISTED_BYTES:
         return f"must be at most {MAX_LISTED_BYTES} bytes"
-    return None if _sha256(path) == expected else f"its SHA-256 differs from {MANIFEST}"
+    return None if sha256_of(path) == expected else f"its SHA-256 differs from {MANIFEST}"
 
 
-def _sha256(path: Path) -> str:
+def sha256_of(path: Path) -> str:
+    """SHA-256 of a file, in hexadecimal digits."""
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()

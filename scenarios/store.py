@@ -14,6 +14,7 @@ import sqlite3
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass, fields
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -21,11 +22,12 @@ from scenarios.campaign import Campaign
 from scenarios.estimators import EstimatorSpec
 from scenarios.output_folder import check_target, is_alive
 from scenarios.scene_work import LeakOutcome, SceneOutcome
-from scenarios.stored_run import COUNTED, Run
+from scenarios.stored_run import COUNTED, Run, valid_run
 
 APPLICATION_ID = 0x1EA10C  # marks a SQLite file as a store of leakloc
 FORMAT = 2
 MAX_STORE_BYTES = 4_000_000_000
+MAX_CELL_BYTES = 4_000_000
 WAIT_FOR_READERS_S = 60.0
 
 SCHEMA = f"""
@@ -145,6 +147,7 @@ RUN_COLUMNS = (
     *("detail", *(f"{kind}_{which}" for which in COUNTED for kind in ("found", "of"))),
     *("false_leaks", "false_codes", "mean_error_m", "estimates_m", "sha256"),
 )
+LEAK_COLUMNS = tuple(field.name for field in fields(LeakOutcome))
 
 
 def _insert(table: str, n_columns: int) -> str:
@@ -195,16 +198,31 @@ def _connected(path: Path) -> sqlite3.Connection:
 
 def _begin(path: Path, connection: sqlite3.Connection) -> None:
     """Check that a database is a whole store of this format, and say how it is to be written."""
+    connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_CELL_BYTES)
+    connection.execute("PRAGMA trusted_schema = OFF")
     if connection.execute("PRAGMA application_id").fetchone() != (APPLICATION_ID,):
         raise StoreError(f"{path}: is not a results store of leakloc")
     ((version,),) = connection.execute("PRAGMA user_version")
     if version != FORMAT:
         raise StoreError(f"{path}: has format {version}; this version reads and writes {FORMAT}")
-    for pragma in ("trusted_schema = OFF", "journal_mode = DELETE", "synchronous = FULL"):
+    if _tables_of(connection) != _our_tables():  # a view or trigger in their place could do anything, for ever
+        raise StoreError(f"{path}: damaged: its tables are not those of a results store")
+    for pragma in ("journal_mode = DELETE", "synchronous = FULL"):
         connection.execute(f"PRAGMA {pragma}")
     ((verdict,),) = connection.execute("PRAGMA quick_check(1)")
     if verdict != "ok":
         raise StoreError(f"{path}: damaged: {verdict}")
+
+
+def _tables_of(connection: sqlite3.Connection) -> list[tuple[str, ...]]:
+    return connection.execute("SELECT type, name, sql FROM sqlite_master ORDER BY name").fetchall()
+
+
+@cache
+def _our_tables() -> list[tuple[str, ...]]:
+    with closing(sqlite3.connect(":memory:")) as connection:
+        connection.executescript(SCHEMA)
+        return _tables_of(connection)
 
 
 @contextmanager
@@ -228,7 +246,7 @@ def _identity_in(connection: sqlite3.Connection) -> Identity:
             estimators=tuple(EstimatorSpec(**spec) for spec in json.loads(rows["estimators"])),
             versions=rows["versions"],
         )
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, TypeError, ValueError, RecursionError):
         raise sqlite3.DatabaseError("its campaign cannot be read") from None
     if identity.as_rows() != rows:
         raise sqlite3.DatabaseError("its campaign is not as it was written")
@@ -237,15 +255,15 @@ def _identity_in(connection: sqlite3.Connection) -> Identity:
 
 def _runs_in(connection: sqlite3.Connection) -> Iterator[Run]:
     """Yield the runs by number; raises sqlite3.DatabaseError at one that is not as it was written."""
-    leaks: dict[int, list[LeakOutcome]] = {}
+    leaks: dict[int, list[dict[str, Any]]] = {}
     for number, *cells in connection.execute("SELECT * FROM leak"):
-        leaks.setdefault(number, []).append(LeakOutcome(*cells[:3], *map(bool, cells[3:6]), *cells[6:]))
+        leaks.setdefault(number, []).append(dict(zip(LEAK_COLUMNS, cells, strict=True)))
     for row in connection.execute("SELECT * FROM run ORDER BY run"):
         cells = dict(zip(RUN_COLUMNS, row, strict=True))
         try:
             run = _run_of(cells, tuple(leaks.pop(cells["run"], ())))
             is_whole = _row_of(run) == row
-        except (TypeError, ValueError, AttributeError):
+        except (TypeError, ValueError, AttributeError, RecursionError):
             is_whole = False
         if not is_whole:
             raise sqlite3.DatabaseError(f"run {cells['run']} is not as it was written")
@@ -254,16 +272,16 @@ def _runs_in(connection: sqlite3.Connection) -> Iterator[Run]:
         raise sqlite3.DatabaseError(f"run {min(leaks)} is missing")
 
 
-def _run_of(cells: dict[str, Any], leaks: tuple[LeakOutcome, ...]) -> Run:
+def _run_of(cells: dict[str, Any], leaks: tuple[dict[str, Any], ...]) -> Run:
     same = ("run", "scene", "arm", "repeat", "seed", "versions", "method", "outcome", "detail")
-    return Run(
+    return valid_run(
         **{name: cells[name] for name in same},
         values=json.loads(cells["arm_values"]),
         base=cells["scenario"],
-        overrides=tuple(json.loads(cells["overrides"])),
+        overrides=json.loads(cells["overrides"]),
         leaks=leaks,
-        false_codes=tuple(json.loads(cells["false_codes"])),
-        estimates_m=tuple((x_m, y_m) for x_m, y_m in json.loads(cells["estimates_m"])),
+        false_codes=json.loads(cells["false_codes"]),
+        estimates_m=json.loads(cells["estimates_m"]),
     )
 
 

@@ -8,7 +8,7 @@ from leakloc.outside_file import MAX_DEPTH, check_depth
 
 PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
 LONG_KEY = re.compile(rf"(?<![\w-]){PART}(?:[ \t]*\.[ \t]*{PART}){{{MAX_DEPTH}}}")
-"""a.b.c ... of too many parts: each is a table in a table, and the standard library's parser takes a minute for 1 MB."""
+"""a.b.c ... of too many parts: a table in a table each, and the standard library's parser takes minutes for 1 MB."""
 
 MAX_INTEGER = 2**63
 

@@ -147,7 +147,10 @@ BAD_CLIPS = {
     "cut in its header": (written("left/0000.png", lambda p: p.read_bytes()[:20]), "left/0000.png: truncated PNG"),
     "empty frame": (written("left/0003.png", b""), "left/0003.png: not a PNG"),
     "one bit flipped": (written("right/0003.png", damaged), "right/0003.png: damaged PNG: wrong checksum"),
-    "a bomb": (written("left/0001.png", png_of(60_000, 60_000, b"")), r"left/0001.png: damaged PNG: 0 bytes .* 60000 x 60000"),
+    "a bomb": (
+        written("left/0001.png", png_of(60_000, 60_000, b"")),
+        r"damaged PNG: 0 bytes .* 60000 x 60000",
+    ),
     "not a PNG": (written("right/0000.png", b"GIF89a" + bytes(99)), "right/0000.png: not a PNG file"),
     "colour": (written("right/0001.png", png(COLOUR)), "right/0001.png: must be grey .*, got colour of 8 bit"),
     "alpha": (written("right/0001.png", png(np.zeros((H, W, 4), np.uint8))), "got colour with alpha"),
