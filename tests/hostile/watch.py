@@ -7,7 +7,15 @@ from contextlib import contextmanager
 from pathlib import Path
 
 WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
-PATHS = {"os.mkdir": 1, "os.rename": 2, "os.remove": 1, "os.rmdir": 1, "os.link": 2, "os.symlink": 2, "os.truncate": 1}
+# events and, of each path among their arguments, where it stands and where the folder that it starts from does
+PATHS = {
+    "os.mkdir": ((0, 2),),
+    "os.rename": ((0, 2), (1, 3)),
+    "os.remove": ((0, 1),),
+    "os.rmdir": ((0, 1),),
+    "os.link": ((1, 3),),
+    "os.symlink": ((1, 2),),
+}
 
 _touched: list[str] | None = None
 
@@ -16,10 +24,10 @@ def _note(event, arguments):
     if _touched is None:
         return
     if event == "open" and isinstance(arguments[0], str | bytes) and (arguments[2] or 0) & WRITING:
-        _touched.append(os.fsdecode(arguments[0]))
-    elif event in PATHS:
-        paths = arguments[: PATHS[event]]
-        _touched.extend(os.fsdecode(path) for path in paths if isinstance(path, str | bytes | os.PathLike))
+        _touched.append(os.path.abspath(os.fsdecode(arguments[0])))
+    for path, start in PATHS.get(event, ()):
+        folder = os.getcwd() if arguments[start] < 0 else os.readlink(f"/proc/self/fd/{arguments[start]}")
+        _touched.append(os.path.normpath(os.path.join(folder, os.fsdecode(arguments[path]))))
 
 
 sys.addaudithook(_note)  # there is no taking it back, so it looks away unless it is asked
@@ -35,5 +43,5 @@ def watching() -> Iterator[list[Path]]:
     try:
         yield found
     finally:
-        found += [Path(os.path.abspath(path)) for path in _touched]
+        found += map(Path, _touched)
         _touched, sys.dont_write_bytecode = None, before
