@@ -18,6 +18,9 @@ MARKERS = ("clip.json", "dataset.json", "demo.json", "noise.json", "export.json"
 MAX_MARKER_BYTES = 6_000_000
 """Of a data set of 100 000 clips some 2 000 000."""
 
+MAX_NAME_BYTES = 200
+"""File systems bear 255; what is not whole yet has a longer name beside it."""
+
 
 class OutputError(ValueError):
     """An output that must not or cannot be written; the message names the path and the rule."""
@@ -84,10 +87,12 @@ def write_file(path: Path, content: bytes | str) -> None:
 
 def check_target(path: Path) -> None:
     """Refuse a file to write whose folder is missing, that is no regular file, or that belongs to a clip."""
+    _check_name(path)
     if not path.parent.is_dir():
         raise OutputError(f"{path}: its folder does not exist")
-    if path.exists() and not path.is_file():
-        raise OutputError(f"{path}: must be a regular file, not a folder or device")
+    # what is renamed to a link takes the link's place: as root, that of /dev/stdout
+    if os.path.lexists(path) and (path.is_symlink() or not path.is_file()):
+        raise OutputError(f"{path}: must be a regular file, not a folder, device or link")
     for clip, name in ((path.parent, path.name), (path.parent.parent, f"{path.parent.name}/{path.name}")):
         manifest = _content_of(clip / "clip.json")
         if manifest and name in {"clip.json", *_names(manifest.get("files"))}:
@@ -118,7 +123,7 @@ def check_same_kind(destination: Path, marker: str) -> None:
 
 def check_apart(source: Path, destination: Path) -> None:
     """Refuse an output that is its own input, or inside it, or around it."""
-    here, there = source.resolve(), destination.resolve()
+    here, there = (Path(os.path.realpath(path)) for path in (source, destination))  # bears links in a circle
     if here == there or here in there.parents or there in here.parents:
         raise OutputError(f"{destination}: must be apart from {source}")
 
@@ -128,9 +133,16 @@ def write_json(path: Path, content: Any) -> None:
     write_file(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
 
 
+def _check_name(path: Path) -> None:
+    if path.name in ("", "..") or len(os.fsencode(path.name)) > MAX_NAME_BYTES:
+        raise OutputError(f"{path}: must end in a name of its own, of at most {MAX_NAME_BYTES} bytes")
+
+
 def _is_taken(destination: Path) -> bool:
-    if destination.name in ("", ".."):
-        raise OutputError(f"{destination}: must be a folder with a name of its own, which is made")
+    _check_name(destination)
+    around = next(folder for folder in destination.absolute().parents if folder.exists())
+    if not (around.is_dir() and os.access(around, os.W_OK)):
+        raise OutputError(f"{destination}: cannot be made: {around} is no folder that may be written to")
     _remove_leftovers(destination)
     if destination.is_symlink() or (destination.exists() and not destination.is_dir()):
         raise OutputError(f"{destination}: must be a folder, not a file or link")
