@@ -157,7 +157,8 @@ def figure(store: Path, destination: Path) -> None:
     """Write the report's figure alone: detection and error against the swept axis, with intervals."""
     from scenarios.campaign_figures import main_axis, sweep_figure
     from scenarios.campaign_summary import cells
-    from scenarios.store import StoreError, read_store
+    from scenarios.store import read_store
+    from scenarios.store_identity import StoreError
 
     check_apart(store, destination)
     check_target(destination)

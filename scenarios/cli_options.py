@@ -49,7 +49,7 @@ def clear_errors(command: Callable[..., Any]) -> Callable[..., Any]:
         from scenarios.cli_bench import BaselineError
         from scenarios.estimators import EstimatorError
         from scenarios.irradiate import FramesError
-        from scenarios.store import StoreError
+        from scenarios.store_identity import StoreError
         from scenarios.workers import WorkerError
 
         foreign = (ClipError, RigError, ResultError, FramesError, EstimatorError, BaselineError, WorkerError)

@@ -4,19 +4,74 @@ import random
 import re
 
 ODD_VALUES = (
-    *("nan", "inf", "-inf", "1e308", "-1e308", "1e-320", "-0.0", "0", "-1", "1", "true", '""', '"x"', "[]", "{}", "[[]]"),
+    *(
+        "nan",
+        "inf",
+        "-inf",
+        "1e308",
+        "-1e308",
+        "1e-320",
+        "-0.0",
+        "0",
+        "-1",
+        "1",
+        "true",
+        '""',
+        '"x"',
+        "[]",
+        "{}",
+        "[[]]",
+    ),
     *("9223372036854775808", "-9223372036854775809", "9" * 5000, "0x" + "f" * 5000, "1_0", "1e999", "1979-05-27"),
     *("07:32:00", "[1, 2]", "[1.0, 2.0, 3.0]", "[nan, 0.0, 0.0]", "{ a = 1 }", "[" * 60 + "]" * 60, "[" * 5000),
     *('"\\u0000"', '"\\u001b[31m"', '"../../../etc/passwd"', '"/dev/zero"', "'''", '"""', "[{}, {}]", "[[], 1]", "2e9"),
     *("{" * 50 + "}" * 50, "0.0001", "1e-9", "100.0", "99.0", "null", "None", "0b1", "0o7", "1.", ".5", "+1", '"é"'),
 )
 ODD_LINES = (
-    *("[rig]", "[[leak]]", "[[lamp]]", "[[structure]]", "[layout]", "[gamma]", "[", "]", "=", "= 1", "a", "a =", "[a.b]"),
-    *("a" + ".a" * 40 + " = 1", "[" + ".".join(["a"] * 40) + "]", '"\\u0000" = 1', "'' = 1", "[[a]]", "seed = 1", "x = 1"),
-    *('[[structure]]\nkind = "mesh"\npath = "../../../dev/zero"', '[[structure]]\nkind = "box"', "\ufeff", "\x00", "\x7f"),
+    *(
+        "[rig]",
+        "[[leak]]",
+        "[[lamp]]",
+        "[[structure]]",
+        "[layout]",
+        "[gamma]",
+        "[",
+        "]",
+        "=",
+        "= 1",
+        "a",
+        "a =",
+        "[a.b]",
+    ),
+    *(
+        "a" + ".a" * 40 + " = 1",
+        "[" + ".".join(["a"] * 40) + "]",
+        '"\\u0000" = 1',
+        "'' = 1",
+        "[[a]]",
+        "seed = 1",
+        "x = 1",
+    ),
+    *(
+        '[[structure]]\nkind = "mesh"\npath = "../../../dev/zero"',
+        '[[structure]]\nkind = "box"',
+        "\ufeff",
+        "\x00",
+        "\x7f",
+    ),
     *("# \x1b[2J", "leak = []", "lamp = 3", "rig = []", "rig.rig = 1", "[rig.rig]", "set = ['a=1']", "methods = ['x']"),
 )
-ODD_BYTES = (b"\x00", b"\xff", b"\xfe\xff", b"\xef\xbb\xbf", b"\r", b"\x1b[2J", b"\xc0\x80", b"\xed\xa0\x80", b"\n" * 50)
+ODD_BYTES = (
+    b"\x00",
+    b"\xff",
+    b"\xfe\xff",
+    b"\xef\xbb\xbf",
+    b"\r",
+    b"\x1b[2J",
+    b"\xc0\x80",
+    b"\xed\xa0\x80",
+    b"\n" * 50,
+)
 
 NUMBER = re.compile(r"(?<![\w.])-?\d+(\.\d+)?(e-?\d+)?(?![\w.])")
 WORD = re.compile(r"[A-Za-z_]\w*")
@@ -63,7 +118,9 @@ def _value(text, rng):
     if not found:
         return text
     number = rng.choice(found)
-    other = rng.choice(ODD_VALUES) if rng.random() < 0.7 else repr(float(number[0]) * rng.choice((-1, 0.1, 0.9, 1.1, 3)))
+    other = (
+        rng.choice(ODD_VALUES) if rng.random() < 0.7 else repr(float(number[0]) * rng.choice((-1, 0.1, 0.9, 1.1, 3)))
+    )
     return text[: number.start()] + other + text[number.end() :]
 
 
@@ -100,7 +157,9 @@ def _character(text, rng):
     if not text:
         return text
     at = rng.randrange(len(text))
-    return text[:at] + rng.choice(("", text[at] * 2, rng.choice("[]{}=\"'.,#-0é\t\x00"))) + text[at + rng.randrange(2) :]
+    return (
+        text[:at] + rng.choice(("", text[at] * 2, rng.choice("[]{}=\"'.,#-0é\t\x00"))) + text[at + rng.randrange(2) :]
+    )
 
 
 TEXT_SLIPS = (_value, _value, _value, _word, _word, _line, _line, _character)

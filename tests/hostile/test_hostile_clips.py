@@ -54,7 +54,7 @@ def damaged_clip(folder, rng):
 
 def rehashed(folder):
     """Let the manifest fit what is there: damage by someone who wants it to be believed."""
-    if any(not path.is_dir() and path.lstat().st_size > 1 << 20 or path.is_fifo() for path in folder.rglob("*")):
+    if any((not path.is_dir() and path.lstat().st_size > 1 << 20) or path.is_fifo() for path in folder.rglob("*")):
         return
     if any(path.is_symlink() for path in folder.rglob("*")):
         return

@@ -142,7 +142,10 @@ def baselines(tmp_path, monkeypatch):
         for stratum in ("easy", "nominal", "hard")
         for number in range(3)
     ]
-    full = [bench.Trial(**{**vars(t), "found": dict.fromkeys(bench.COUNTED, 1), "of": dict.fromkeys(bench.COUNTED, 1)}) for t in trials]
+    full = [
+        bench.Trial(**{**vars(t), "found": dict.fromkeys(bench.COUNTED, 1), "of": dict.fromkeys(bench.COUNTED, 1)})
+        for t in trials
+    ]
     monkeypatch.setattr(bench, "run_bench", lambda *_: iter(full))
     text = json.dumps({"trials": [{**vars(t)} for t in full]}, indent=1)
 
@@ -207,7 +210,9 @@ def test_a_thousand_damaged_meshes_are_refused_or_are_meshes_that_can_be(meshes,
     damaged(meshes[0], "mesh", harness_seed, range(1000), tally, meshes[1])
 
 
-@pytest.mark.parametrize("text", ["!!int ''", "!!timestamp x", "!!bool x", "!!float ''", "!!binary x", "!!python/name:os.system ''"])
+@pytest.mark.parametrize(
+    "text", ["!!int ''", "!!timestamp x", "!!bool x", "!!float ''", "!!binary x", "!!python/name:os.system ''"]
+)
 def test_a_value_of_a_calibration_that_says_what_it_is_is_refused(tmp_path, small_clip, text):
     # PyYAML believes the tag, and stumbles: AttributeError, IndexError, KeyError
     path = tmp_path / "camchain.yaml"

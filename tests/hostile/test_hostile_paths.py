@@ -1,4 +1,4 @@
-"""Paths that lead elsewhere or nowhere, as input and as output: refused at once, and nothing beside the output changes."""
+"""Paths that lead elsewhere or nowhere, as input and as output: refused at once, and nothing else changes."""
 
 import os
 import shutil
@@ -36,11 +36,52 @@ READING = [
 ]
 
 NO_INPUTS = [
-    *("", ".", "..", "/", "nowhere", "nowhere/at/all", "~", "*", "$HOME", "%s", "{clip}", "a\nb", "\x1b[2J", "\udcff", "‮txt"),
+    *(
+        "",
+        ".",
+        "..",
+        "/",
+        "nowhere",
+        "nowhere/at/all",
+        "~",
+        "*",
+        "$HOME",
+        "%s",
+        "{clip}",
+        "a\nb",
+        "\x1b[2J",
+        "\udcff",
+        "‮txt",
+    ),
     *("/dev/zero", "/dev/null", "/dev/full", "/dev/stdin", "/dev/tty", "/proc/self/mem", "/proc/self/environ"),
-    *("/proc/self/fd/0", "/etc/passwd", "../elsewhere/secret.toml", "n" * 300, "n/" * 3000, "../" * 1500 + "etc/passwd"),
-    *("http://127.0.0.1:1/x", "file:///etc/passwd", "concat:left.avi|right.avi", "tcp://127.0.0.1:1", "left.avi:stream"),
-    *("pipe", "pipe.toml", "socket", "loop", "to_pipe", "to_zero", "to_nowhere", "empty", "sparse", "sparse.toml", "texts"),
+    *(
+        "/proc/self/fd/0",
+        "/etc/passwd",
+        "../elsewhere/secret.toml",
+        "n" * 300,
+        "n/" * 3000,
+        "../" * 1500 + "etc/passwd",
+    ),
+    *(
+        "http://127.0.0.1:1/x",
+        "file:///etc/passwd",
+        "concat:left.avi|right.avi",
+        "tcp://127.0.0.1:1",
+        "left.avi:stream",
+    ),
+    *(
+        "pipe",
+        "pipe.toml",
+        "socket",
+        "loop",
+        "to_pipe",
+        "to_zero",
+        "to_nowhere",
+        "empty",
+        "sparse",
+        "sparse.toml",
+        "texts",
+    ),
     *("clip/clip.json/x", "result.json/x", "/dev/fd/99", "//", "pipe/", "C:\\x.toml", "nominal:99999999", "hard:x"),
 ]
 
@@ -61,7 +102,12 @@ def sandbox(tmp_path, small_clip, monkeypatch):
     monkeypatch.chdir(here)
     with socket.socket(socket.AF_UNIX) as server:
         server.bind("socket")
-    for name, target in (("loop", "loop"), ("to_pipe", "pipe"), ("to_zero", "/dev/zero"), ("to_nowhere", "../elsewhere/new")):
+    for name, target in (
+        ("loop", "loop"),
+        ("to_pipe", "pipe"),
+        ("to_zero", "/dev/zero"),
+        ("to_nowhere", "../elsewhere/new"),
+    ):
         (here / name).symlink_to(target)
     (here / "to_elsewhere").symlink_to("../elsewhere/precious")
     (here / "empty").write_bytes(b"")
@@ -134,7 +180,17 @@ WRITING = [
 NO_OUTPUTS = [
     *("", ".", "..", "/", "/dev/null", "/dev/full", "/dev/stdout", "pipe", "socket", "loop", "to_pipe"),
     *("to_elsewhere", "to_elsewhere/../precious", "file/x", "folder", "../elsewhere", "../elsewhere/precious", "clip"),
-    *("clip/left", "clip/truth.json", "clip/clip.json", "clip/left/0000.png", "n" * 300, "n/" * 3000, "n" * 240, "file/x/y", "\udcff" * 240),
+    *(
+        "clip/left",
+        "clip/truth.json",
+        "clip/clip.json",
+        "clip/left/0000.png",
+        "n" * 300,
+        "n/" * 3000,
+        "n" * 240,
+        "file/x/y",
+        "\udcff" * 240,
+    ),
 ]
 
 
@@ -154,7 +210,9 @@ def test_an_output_that_is_something_else_is_refused_before_the_work_and_nothing
             tally["refused with exit code 2"] += 1
 
 
-@pytest.mark.parametrize("output", ["made", "new/and/deep/made", "../here/made", "clip/../made", "é 漢.x", "\udcff", "-o"])
+@pytest.mark.parametrize(
+    "output", ["made", "new/and/deep/made", "../here/made", "clip/../made", "é 漢.x", "\udcff", "-o"]
+)
 def test_an_odd_name_is_made_where_it_says_and_nothing_else_changes(sandbox, output):
     before = tree(sandbox)
     verdict = leakloc("export", "clip", "--csv", f"--output={output}")

@@ -192,9 +192,15 @@ def test_many_mistakes_are_refused_in_a_second_and_a_page(tmp_path, kind):
 @pytest.mark.parametrize(
     ("structure", "said"),
     [
-        ('kind = "box"\ncentre_m = [0.0, 0.0, 0.0]\nsize_m = [0.0, 1.0, 1.0]', "structure.0.size_m.0 must be >= 0.0001"),
+        (
+            'kind = "box"\ncentre_m = [0.0, 0.0, 0.0]\nsize_m = [0.0, 1.0, 1.0]',
+            "structure.0.size_m.0 must be >= 0.0001",
+        ),
         ('kind = "pipe"\nstart_m = [0.0, 0.0, 0.0]\nend_m = [0.0, 0.0, 0.0]', "structure.0.end_m: must be at least"),
-        ('kind = "grating"\ncentre_m = [0.0, 0.0, 0.0]\nsize_m = [1.0, 1.0]\nbar_m = 2.0', "structure.0.bar_m: must be less"),
+        (
+            'kind = "grating"\ncentre_m = [0.0, 0.0, 0.0]\nsize_m = [1.0, 1.0]\nbar_m = 2.0',
+            "structure.0.bar_m: must be less",
+        ),
         (
             'kind = "grating"\ncentre_m = [0.0, 0.0, 0.0]\nsize_m = [100.0, 100.0]\npitch_m = 0.0011\nbar_m = 0.001',
             "at most 10000 bars",

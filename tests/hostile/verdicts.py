@@ -1,4 +1,4 @@
-"""What the command line makes of an input, in this process or in one of its own with limits, and what it may make of it.
+"""What the command line makes of an input, in this process or in one of its own with limits, and what it may make.
 
 The rule: one clear error and exit code 2, or the right answer; within a second and 200 MB; nothing written elsewhere.
 """
