@@ -26,6 +26,7 @@ import numpy as np
 import leakloc
 import leakloc.methods
 from leakloc import Estimate, LeakEstimate, ResultError, Rig
+from leakloc.result import MAX_LEAKS
 from scenarios import naive
 from scenarios.clip_folder import write_estimators_clip
 from scenarios.simulate import SimulatedClip
@@ -234,7 +235,9 @@ def _answer(
 def _from_places(places: Iterable[tuple[float, float]], rig: Rig) -> Estimate:
     undefined = np.full((2, 2), np.nan)
     leaks = []
-    for x_m, y_m in places:
+    for number, (x_m, y_m) in enumerate(places):
+        if number == MAX_LEAKS:
+            raise ValueError(f"more than {MAX_LEAKS} leaks")
         place = np.array([float(x_m), float(y_m), 0.0, 1.0])
         columns_px = [float(u / w) for u, _, w in (rig.P1 @ place, rig.P2 @ place)] if np.isfinite(place).all() else []
         left_px, right_px = columns_px or (np.nan, np.nan)
