@@ -224,12 +224,7 @@ BOMBS = {
     "an endless device for a mesh": file('[[structure]]\nkind = "mesh"\npath = "/dev/zero"\n', "check", "X"),
 }
 
-QUICK = (
-    "a PNG of 64 million black px",
-    "a calibration of dashes",
-    "a pipe for a manifest",
-    "a result of 2 million objects",
-)
+QUICK = ("a calibration of dashes", "a result of 2 million objects")
 
 
 def refused_alone(folder, small_clip, bomb, tally):

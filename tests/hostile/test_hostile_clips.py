@@ -150,7 +150,7 @@ def damaged_clips(folder, small_clip, answers, seed, numbers, tally):
 
 
 def test_a_damaged_clip_is_refused_or_gives_the_answer_of_the_whole_one(tmp_path, small_clip, whole_answers, tally):
-    damaged_clips(tmp_path, small_clip, whole_answers, 0, range(120), tally)
+    damaged_clips(tmp_path, small_clip, whole_answers, 0, range(60), tally)
 
 
 @pytest.mark.deep
@@ -200,7 +200,7 @@ def damaged_videos(folder, clip, export, seed, numbers, tally):
 
 
 def test_a_damaged_video_is_refused_where_its_export_vouches_for_it(tmp_path, small_clip, small_export, tally):
-    damaged_videos(tmp_path, small_clip, small_export, 0, range(80), tally)
+    damaged_videos(tmp_path, small_clip, small_export, 0, range(40), tally)
 
 
 @pytest.mark.deep

@@ -94,7 +94,7 @@ def calibrations(tmp_path, small_clip):
 
 
 def test_a_damaged_calibration_is_refused_or_is_a_rig_that_can_be(calibrations, tally):
-    damaged(calibrations[0], "calibration", 0, range(150), tally, calibrations[1])
+    damaged(calibrations[0], "calibration", 0, range(60), tally, calibrations[1])
 
 
 @pytest.mark.deep
@@ -125,7 +125,7 @@ def results(tmp_path, small_clip):
 
 
 def test_a_damaged_result_is_refused_or_scored_as_it_says(results, tally):
-    damaged(results[0], "result", 0, range(150), tally, results[1])
+    damaged(results[0], "result", 0, range(100), tally, results[1])
 
 
 @pytest.mark.deep
@@ -168,7 +168,7 @@ def baselines(tmp_path, monkeypatch):
 
 
 def test_a_damaged_baseline_is_refused_or_compared_as_it_says(baselines, tally):
-    damaged(baselines[0], "baseline", 0, range(100), tally, baselines[1])
+    damaged(baselines[0], "baseline", 0, range(50), tally, baselines[1])
 
 
 @pytest.mark.deep
@@ -202,7 +202,7 @@ def meshes(tmp_path):
 
 
 def test_a_damaged_mesh_is_refused_or_is_a_mesh_that_can_be(meshes, tally):
-    damaged(meshes[0], "mesh", 0, range(100), tally, meshes[1])
+    damaged(meshes[0], "mesh", 0, range(50), tally, meshes[1])
 
 
 @pytest.mark.deep

@@ -110,6 +110,7 @@ def sandbox(tmp_path, small_clip, monkeypatch):
     ):
         (here / name).symlink_to(target)
     (here / "to_elsewhere").symlink_to("../elsewhere/precious")
+    (here / "to_secret").symlink_to("../elsewhere/secret.toml")
     (here / "empty").write_bytes(b"")
     for name in ("sparse", "sparse.toml"):
         with (here / name).open("wb") as file:
@@ -177,8 +178,9 @@ WRITING = [
     ("demo", "-o", "X"),
 ]
 
+# within the sandbox alone: where this fails, what is named here is written over
 NO_OUTPUTS = [
-    *("", ".", "..", "/", "/dev/null", "/dev/full", "/dev/stdout", "pipe", "socket", "loop", "to_pipe"),
+    *("", ".", "..", "pipe", "socket", "loop", "to_pipe", "to_secret"),
     *("to_elsewhere", "to_elsewhere/../precious", "file/x", "folder", "../elsewhere", "../elsewhere/precious", "clip"),
     *(
         "clip/left",

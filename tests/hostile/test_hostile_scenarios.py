@@ -114,7 +114,7 @@ def damaged_scenarios(folder, seed, numbers, tally):
 
 
 def test_a_damaged_scenario_is_refused_or_means_what_it_says(tmp_path, tally):
-    damaged_scenarios(tmp_path, 0, range(400), tally)
+    damaged_scenarios(tmp_path, 0, range(300), tally)
 
 
 @pytest.mark.deep
