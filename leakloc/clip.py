@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 from concurrent.futures import ThreadPoolExecutor
@@ -15,13 +14,14 @@ import numpy as np
 
 from leakloc.background import Frames
 from leakloc.methods import MIN_FRAMES
+from leakloc.outside_file import read_json
 from leakloc.png import check_png
 from leakloc.rig import Rig, RigError
 from leakloc.rig_file import read_rig
 
 MAX_FRAMES = 2000
 MAX_CLIP_BYTES = 4 << 30  # of both views, decoded
-MAX_PNG_BYTES = 256 << 20
+MAX_PNG_BYTES = 64 << 20
 MAX_INPUT_BYTES = 1 << 20
 MAX_FPS = 1e6
 TONES = ("linear", "srgb")
@@ -89,9 +89,9 @@ def _inside(folder: Path, path: Path, max_bytes: int) -> Path:
 
 def _read_recording(path: Path) -> dict[str, Any]:
     try:
-        content = json.loads(path.read_bytes())
-    except (ValueError, RecursionError) as error:
-        raise ClipError(f"{path}: not JSON: {error}") from None
+        content = read_json(path, MAX_INPUT_BYTES)
+    except ValueError as error:
+        raise ClipError(f"{path}: {error}") from None
     if not isinstance(content, dict):
         raise ClipError(f"{path}: must be an object with fps, exposure_s, n_frames and tone")
     fps = _positive(path, content, "fps", MAX_FPS)

@@ -122,5 +122,6 @@ def _signed_root(left: NDArray[np.float32], right: NDArray[np.float32]) -> NDArr
     root.ravel()[strong] = np.copysign(np.sqrt(-n * np.log1p(-rho * rho)), rho)
     noisy = [np.flatnonzero(energy > LEAST_ENERGY * n)[::SCALE_STEP] for energy in energies]
     if min(map(len, noisy)) >= LEAST_NOISY_COLUMNS:
-        root /= np.float32(1.4826 * np.median(np.abs(root[np.ix_(*noisy)])))
+        scale = np.float32(1.4826 * np.median(np.abs(root[np.ix_(*noisy)])))
+        root /= scale if scale > 0.0 else 1.0  # views that share no rows: each is still where the other is
     return np.asarray(root)

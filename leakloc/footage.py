@@ -17,7 +17,7 @@ import numpy as np
 
 from leakloc.background import Frames
 from leakloc.clip import DECODERS, MAX_CLIP_BYTES, MAX_FPS, MAX_FRAMES, Clip, ClipError
-from leakloc.image_file import SUFFIXES, read_grey_image
+from leakloc.image_file import SUFFIXES, read_grey_image, read_image_size
 from leakloc.methods import MIN_FRAMES
 from leakloc.rig import Rig
 from leakloc.video_file import video_frames, video_size
@@ -70,10 +70,12 @@ def footage_size(path: PathLike) -> tuple[int, int]:
     path = Path(path)
     with _quiet_opencv():
         if path.is_dir():
-            height_px, width_px = _read_image(image_paths(path)[0]).shape
-            return width_px, height_px
+            path = image_paths(path)[0]
+            size_of = read_image_size
+        else:
+            size_of = video_size
         try:
-            return video_size(path)
+            return size_of(path)
         except ValueError as error:
             raise ClipError(f"{path}: {error}") from None
 
@@ -153,18 +155,14 @@ def _read_images(paths: list[Path], rig: Rig) -> Frames:
         _check_length(len(paths))
     except ValueError as error:
         raise ClipError(f"{paths[0].parent}: {error}") from None
-    first = _read_image(paths[0])
+    first = _read_image(paths[0], rig)
     needed_bytes = len(paths) * first.nbytes
     if needed_bytes > MAX_VIEW_BYTES:
         raise ClipError(f"{paths[0].parent}: must be at most {MAX_VIEW_BYTES} bytes decoded, got {needed_bytes}")
     frames = np.empty((len(paths), *first.shape), first.dtype)
 
     def decode(index: int) -> None:
-        image = _read_image(paths[index]) if index else first
-        try:
-            _check_size((image.shape[1], image.shape[0]), rig)
-        except ValueError as error:
-            raise ClipError(f"{paths[index]}: {error}") from None
+        image = _read_image(paths[index], rig) if index else first
         if image.dtype != first.dtype:
             raise ClipError(f"{paths[index]}: must have the bit depth of {paths[0].name}, {first.dtype}")
         frames[index] = image
@@ -174,9 +172,9 @@ def _read_images(paths: list[Path], rig: Rig) -> Frames:
     return frames
 
 
-def _read_image(path: Path) -> Frames:
+def _read_image(path: Path, rig: Rig) -> Frames:
     try:
-        return read_grey_image(path)
+        return read_grey_image(path, rig.image_size)
     except ValueError as error:
         raise ClipError(f"{path}: {error}") from None
 

@@ -6,9 +6,7 @@ Damage inside a JPEG, BMP or PGM has no checksum and stays unseen; PNG has one p
 
 from __future__ import annotations
 
-import os
 import re
-import stat
 import struct
 from pathlib import Path
 from typing import Any
@@ -17,10 +15,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from leakloc.outside_file import read_regular_file
 from leakloc.png import check_png
 from leakloc.rig import MAX_SIDE_PX
 
-MAX_IMAGE_BYTES = 256 << 20
+MAX_IMAGE_BYTES = 64 << 20
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm")
 MAX_TIFF_TAGS = 1000
 
@@ -34,16 +33,22 @@ TIFF_WIDTH, TIFF_HEIGHT = 256, 257
 TIFF_PLACES_AND_SIZES = ((273, 279), (324, 325))  # of strips, of tiles
 
 
-def read_grey_image(path: Path) -> NDArray[Any]:
+def read_image_size(path: Path) -> tuple[int, int]:
+    """(width, height) in px of an image file by its header. Raises ValueError as `read_grey_image` does."""
+    return _bearable_size(read_regular_file(path, MAX_IMAGE_BYTES))
+
+
+def read_grey_image(path: Path, size_px: tuple[int, int] | None = None) -> NDArray[Any]:
     """The grey of one image file, (height, width) uint8 or uint16; colours by the weights of ITU-R BT.601.
 
     The file may be PNG, JPEG, TIFF, BMP or PGM/PPM, by its content. Pixels come as they are stored: no turning by what
-    EXIF says. Raises ValueError with what is wrong, without the file's name.
+    EXIF says. `size_px` is the (width, height) that it must have: another is refused before a pixel is decoded. Raises
+    ValueError with what is wrong, without the file's name.
     """
     content = read_regular_file(path, MAX_IMAGE_BYTES)
-    width_px, height_px = image_size_of(content)
-    if not (0 < width_px <= MAX_SIDE_PX and 0 < height_px <= MAX_SIDE_PX):
-        raise ValueError(f"image must be 1 to {MAX_SIDE_PX} px wide and high, got {(width_px, height_px)}")
+    width_px, height_px = _bearable_size(content)
+    if size_px is not None and (width_px, height_px) != size_px:
+        raise ValueError(f"must have the image_size {size_px}, got {(width_px, height_px)}")
     try:
         image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error:
@@ -51,6 +56,13 @@ def read_grey_image(path: Path) -> NDArray[Any]:
     if image is None or image.shape[:2] != (height_px, width_px):
         raise ValueError("damaged image: its pixels cannot be decoded")
     return grey_of(image)
+
+
+def _bearable_size(content: bytes) -> tuple[int, int]:
+    width_px, height_px = image_size_of(content)
+    if not (0 < width_px <= MAX_SIDE_PX and 0 < height_px <= MAX_SIDE_PX):
+        raise ValueError(f"image must be 1 to {MAX_SIDE_PX} px wide and high, got {(width_px, height_px)}")
+    return width_px, height_px
 
 
 def grey_of(image: NDArray[Any]) -> NDArray[Any]:
@@ -63,21 +75,6 @@ def grey_of(image: NDArray[Any]) -> NDArray[Any]:
     if channels not in (3, 4):
         raise ValueError(f"image must be grey or colour, got {channels} channels")
     return cv2.cvtColor(image, cv2.COLOR_BGR2GRAY if channels == 3 else cv2.COLOR_BGRA2GRAY)
-
-
-def read_regular_file(path: Path, max_bytes: int) -> bytes:
-    """The bytes of a regular file; a pipe or a device is refused, and never waited for. Raises ValueError."""
-    try:
-        handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
-        with os.fdopen(handle, "rb") as file:
-            if not stat.S_ISREG(os.fstat(handle).st_mode):
-                raise ValueError("must be a regular file")
-            content = file.read(max_bytes + 1)
-    except OSError as error:
-        raise ValueError(f"cannot be read: {error.strerror}") from None
-    if len(content) > max_bytes:
-        raise ValueError(f"must be at most {max_bytes} bytes")
-    return content
 
 
 def image_size_of(content: bytes) -> tuple[int, int]:

@@ -8,17 +8,23 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from leakloc.outside_file import check_depth
 from leakloc.rig import RigError
 
 MAX_YAML_CHARACTERS = 1 << 16  # a calibration has about 2000; the parser takes a second for this many
 
 
 class _Loader(yaml.SafeLoader):
-    """Plain data only, and nothing named once to be repeated: repeats of repeats grow without bound."""
+    """Plain data only, and nothing named once to be repeated: repeats of repeats grow without bound.
+
+    Nor is a value read that says what it is: the parser believes a "!!int" of no digits, and stumbles.
+    """
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
         if self.check_event(yaml.AliasEvent):
             raise yaml.YAMLError("aliases are not read")
+        if getattr(self.peek_event(), "tag", None) is not None:
+            raise yaml.YAMLError("tags are not read")
         return super().compose_node(parent, index)
 
 
@@ -35,6 +41,10 @@ def load_mapping(text: str) -> dict[str, Any]:
         raise RigError(f"not YAML: {reason[:200]}".replace("\n", " ")) from None
     if not isinstance(content, dict):
         raise RigError("must be YAML with keys at the top")
+    try:
+        check_depth(content)
+    except ValueError as error:
+        raise RigError(str(error)) from None
     return content
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import stat
 import sys
 import tempfile
 from collections.abc import Mapping
@@ -15,8 +14,9 @@ from typing import Any
 import numpy as np
 
 from leakloc.estimate import FRAMES_OF_REFERENCE, Estimate, LeakEstimate
+from leakloc.outside_file import read_json
 
-MAX_RESULT_BYTES = 32 << 20
+MAX_RESULT_BYTES = 6 << 20  # of the most leaks; twenty times as much in memory at the worst
 MAX_LEAKS = 10_000
 
 UNDEFINED = float("nan")
@@ -51,13 +51,13 @@ def write_result(estimate: Estimate, path: str | os.PathLike[str]) -> None:
 def read_result(path: str | os.PathLike[str]) -> Estimate:
     """Read result.json, from this program or another: null becomes NaN, keys that are not known are left out.
 
-    Raises ResultError naming file, key, value and rule: not a regular file, over 32 MiB, not JSON, missing keys,
+    Raises ResultError naming file, key, value and rule: not a regular file, over 6 MiB, not JSON, missing keys,
     numbers that are not finite, more than 10 000 leaks.
     """
     path = Path(path)
     try:
-        return _estimate_from(_load(path))
-    except ResultError as error:
+        return _estimate_from(read_json(path, MAX_RESULT_BYTES))
+    except ValueError as error:
         raise ResultError(f"{path}: {error}") from None
 
 
@@ -118,30 +118,6 @@ def _nan_if_null(value: Any) -> Any:
     if isinstance(value, list):
         return [_nan_if_null(entry) for entry in value]
     return UNDEFINED if value is None else value
-
-
-def _load(path: Path) -> Any:
-    def refuse(literal: str) -> float:
-        raise ResultError(f"numbers must be finite or null, got {literal}")
-
-    def finite(literal: str) -> float:
-        return number if math.isfinite(number := float(literal)) else refuse(literal)
-
-    try:
-        if not stat.S_ISREG(path.stat().st_mode):  # a pipe would hang
-            raise ResultError("must be a regular file")
-        with path.open("rb") as file:
-            content = file.read(MAX_RESULT_BYTES + 1)
-    except OSError as error:
-        raise ResultError(f"cannot be read: {error.strerror}") from None
-    if len(content) > MAX_RESULT_BYTES:
-        raise ResultError(f"must be at most {MAX_RESULT_BYTES} bytes")
-    try:
-        return json.loads(content, parse_constant=refuse, parse_float=finite)
-    except ResultError:
-        raise
-    except (ValueError, RecursionError) as error:
-        raise ResultError(f"not JSON: {error}") from None
 
 
 def _estimate_from(content: Any) -> Estimate:

@@ -11,6 +11,9 @@ Array = NDArray[np.float64]
 
 MAX_SIDE_PX = 8192
 MAX_LAMPS = 100
+MAX_NUMBER = 1e6  # m, px or distortion: beyond it nothing is a calibration, and sums of squares overflow
+MIN_FOCAL_PX = 1.0
+MIN_BASELINE_M = 1e-6
 DISTORTION_LENGTHS = (4, 5, 8, 12, 14)  # OpenCV's pinhole models
 ROTATION_TOLERANCE = 1e-5  # largest entry of R R^T - I; leaves room for six written decimals
 
@@ -123,13 +126,15 @@ def _numbers(key: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
         raise RigError(f"{key} must have the shape {shape}, got {numbers.shape}")
     if not np.isfinite(numbers).all():
         raise RigError(f"{key} must be finite numbers, got {numbers.tolist()}")
+    if (np.abs(numbers) > MAX_NUMBER).any():
+        raise RigError(f"{key} must be numbers up to {MAX_NUMBER:g}, got {numbers.tolist()}")
     return numbers
 
 
 def _camera_matrix(key: str, value: ArrayLike) -> Array:
     K = _numbers(key, value, (3, 3))
-    if not (K[0, 0] > 0 and K[1, 1] > 0):
-        raise RigError(f"{key} must have focal lengths > 0, got {K[0, 0]:g} and {K[1, 1]:g}")
+    if min(K[0, 0], K[1, 1]) < MIN_FOCAL_PX:
+        raise RigError(f"{key} must have focal lengths >= {MIN_FOCAL_PX:g} px, got {K[0, 0]:g} and {K[1, 1]:g}")
     if K[1, 0] != 0 or not np.array_equal(K[2], [0, 0, 1]):
         raise RigError(f"{key} must be [[fx, skew, cx], [0, fy, cy], [0, 0, 1]], got {K.tolist()}")
     return K
@@ -151,7 +156,7 @@ def _rotation(key: str, R: Array) -> Array:
 
 def _baseline(key: str, value: ArrayLike) -> Array:
     T = _numbers(key, np.ravel(value), (3,))
-    if not T.any():
+    if np.linalg.norm(T) < MIN_BASELINE_M:
         raise RigError(f"{key} must not be zero: two cameras in one place have no baseline, got {T.tolist()}")
     return T
 

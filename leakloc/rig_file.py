@@ -9,12 +9,12 @@ from __future__ import annotations
 import math
 import os
 import re
-import stat
 from pathlib import Path
 
 import cv2
 import numpy as np
 
+from leakloc.outside_file import read_regular_file
 from leakloc.rig import MAX_LAMPS, Array, Rig, RigError
 
 MAX_RIG_BYTES = 1 << 20
@@ -66,18 +66,11 @@ def write_rig(rig: Rig, path: str | os.PathLike[str]) -> None:
 def _text_of(path: Path) -> str:
     """The text of a regular file that is small and flat enough for OpenCV's parser."""
     try:
-        if not stat.S_ISREG(path.stat().st_mode):  # a pipe would hang, a folder has no text
-            raise RigError(f"{path}: must be a regular file")
-        with path.open("rb") as file:
-            content = file.read(MAX_RIG_BYTES + 1)
-    except OSError as error:
-        raise RigError(f"{path}: cannot be read: {error.strerror}") from None
-    if len(content) > MAX_RIG_BYTES:
-        raise RigError(f"{path}: must be at most {MAX_RIG_BYTES} bytes")
-    try:
-        text = content.decode("utf-8")
+        text = read_regular_file(path, MAX_RIG_BYTES).decode("utf-8")
     except UnicodeDecodeError:
         raise RigError(f"{path}: not OpenCV FileStorage YAML or XML: not UTF-8 text") from None
+    except ValueError as error:
+        raise RigError(f"{path}: {error}") from None
     if "\x00" in text:
         raise RigError(f"{path}: not OpenCV FileStorage YAML or XML: holds a NUL byte")
     if not text.strip() or text.lstrip()[0] == "{":

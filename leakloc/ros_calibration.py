@@ -36,14 +36,14 @@ def ros_camera(info: dict[str, Any]) -> RosCamera:
     Raises RigError naming key, value and rule.
     """
     model = need(info, "distortion_model")
-    if model not in MODELS:
+    if not isinstance(model, str) or model not in MODELS:
         raise RigError(f"distortion_model must be one of {', '.join(MODELS)}, got {model!r:.80}")
     D = numbers("distortion_coefficients", _data(need(info, "distortion_coefficients", "D", "d"))).ravel()
     if len(D) not in MODELS[model]:
         counts = " or ".join(map(str, MODELS[model]))
         raise RigError(f"distortion_coefficients of {model} must be {counts}, got {len(D)}")
     P = shaped("projection_matrix", _data(need(info, "projection_matrix", "P", "p")), 3, 4)
-    if not (P[0, 0] > 0 and P[1, 1] > 0 and np.array_equal(P[2], [0, 0, 1, 0])):
+    if not (P[0, 0] > 0 and P[1, 1] > 0 and P[1, 0] == 0 and np.array_equal(P[2], [0, 0, 1, 0])):
         raise RigError(f"projection_matrix must be [fx 0 cx fx*tx, 0 fy cy fy*ty, 0 0 1 0], got {P.tolist()}")
     return RosCamera(
         K=shaped("camera_matrix", _data(need(info, "camera_matrix", "K", "k")), 3, 3),

@@ -111,9 +111,8 @@ def _structure(table: StructureTable, number: int) -> Structure:
             return simcam.Grating(table.centre_m, table.size_m, table.pitch_m, table.bar_m, table.reflectance)
     try:
         return simcam.mesh_file(table.path, scale=table.scale, reflectance=table.reflectance)
-    except (ValueError, OSError, ImportError) as error:
-        why = str(error).removeprefix(f"{table.path}: ") if not isinstance(error, ImportError) else "not a mesh"
-        raise ScenarioError(f"structure.{number}.path: {table.path}: {why}") from None
+    except ValueError as error:
+        raise ScenarioError(f"structure.{number}.path: {error}") from None
 
 
 def _lens(scenario: Scenario, hfov_deg: float) -> simcam.Lens:

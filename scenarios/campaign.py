@@ -4,20 +4,17 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from scenarios.scenario import Model
+from scenarios.scenario import Model, list_of_at_most
 
 MAX_ARMS = 500
 MAX_RUNS = 100_000
 MAX_AXES = 8
 MAX_VALUES = 100
+MAX_OVERRIDES = 100
+MAX_METHODS = 3
 
 Value = bool | int | float | str
 """Of a scenario's key."""
-
-
-def _tuple_of_list(value: Any) -> Any:
-    """TOML knows lists alone; the frozen models keep tuples."""
-    return tuple(value) if isinstance(value, list) else value
 
 
 def _scalar(value: Any) -> Any:
@@ -29,7 +26,7 @@ def _scalar(value: Any) -> Any:
 
 Scalar = Annotated[Value, BeforeValidator(_scalar)]
 Overrides = Annotated[
-    tuple[Annotated[str, Field(max_length=1000)], ...], BeforeValidator(_tuple_of_list), Field(max_length=100)
+    tuple[Annotated[str, Field(max_length=1000)], ...], list_of_at_most(MAX_OVERRIDES), Field(max_length=MAX_OVERRIDES)
 ]
 
 
@@ -38,7 +35,7 @@ class AxisTable(Model):
 
     key: str = Field(min_length=1, max_length=100, description="of the scenario, say gamma.dose_rate_gy_h")
     label: str = Field("", max_length=100, description="for figures, with the unit; the key when left out")
-    values: Annotated[tuple[Scalar, ...], BeforeValidator(_tuple_of_list)] = Field(max_length=MAX_VALUES)
+    values: Annotated[tuple[Scalar, ...], list_of_at_most(MAX_VALUES)] = Field(max_length=MAX_VALUES)
 
 
 class VariantTable(Model):
@@ -52,7 +49,7 @@ class ChoiceTable(Model):
     """An axis of named variants: what differs between them takes more than one key."""
 
     name: str = Field(min_length=1, max_length=100, description="what is chosen, say lamps")
-    variant: Annotated[tuple[VariantTable, ...], BeforeValidator(_tuple_of_list)] = Field(max_length=MAX_VALUES)
+    variant: Annotated[tuple[VariantTable, ...], list_of_at_most(MAX_VALUES)] = Field(max_length=MAX_VALUES)
     draws: Literal["common", "own"] = Field(
         "common", description="own: variants are different scenes, each with other seeds, as if they were repeats"
     )
@@ -74,13 +71,13 @@ class Campaign(Model):
         None, min_length=1, max_length=1000, description="shipped name, or a path from the campaign file on"
     )
     set: Overrides = Field((), description='overrides of every arm, each "key.path=value" as after --set')
-    axis: Annotated[tuple[AxisTable, ...], BeforeValidator(_tuple_of_list)] = Field((), max_length=MAX_AXES)
-    choice: Annotated[tuple[ChoiceTable, ...], BeforeValidator(_tuple_of_list)] = Field((), max_length=MAX_AXES)
+    axis: Annotated[tuple[AxisTable, ...], list_of_at_most(MAX_AXES)] = Field((), max_length=MAX_AXES)
+    choice: Annotated[tuple[ChoiceTable, ...], list_of_at_most(MAX_AXES)] = Field((), max_length=MAX_AXES)
     space: SpaceTable | None = None
     repeats: int = Field(1, ge=1, le=MAX_RUNS, description="of every arm; repeat r has the same seed in all arms")
     seed: int = Field(0, ge=0, lt=10**9)
-    methods: Annotated[tuple[Literal["paper", "robust", "naive"], ...], BeforeValidator(_tuple_of_list)] = Field(
-        ("robust",), max_length=3, description="foreign estimators are named on the command line alone"
+    methods: Annotated[tuple[Literal["paper", "robust", "naive"], ...], list_of_at_most(MAX_METHODS)] = Field(
+        ("robust",), max_length=MAX_METHODS, description="foreign estimators are named on the command line alone"
     )
     scene_limit_s: float = Field(
         300.0, ge=1.0, le=36_000.0, description="a scene that takes longer with all its methods is a time-out"

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from scenarios.arms import Arm, Scene, arms_of, scenes_of
 from scenarios.campaign import MAX_ARMS, MAX_RUNS, Campaign
-from scenarios.mistakes import FileRules, Violation, checked
+from scenarios.mistakes import FileRules, Violation, capped, checked
 from scenarios.scenario_file import ScenarioError, read_scenario
 from scenarios.shelf import Shelf
 
@@ -51,7 +51,7 @@ def read_campaign(path_or_name: str | Path) -> CampaignFile:
     campaign, lines = checked(CAMPAIGNS.parsed(text, source), source, CAMPAIGN_RULES)
     if campaign is not None:
         base = _base_of(campaign, path_or_name)
-        lines += _mistakes_in_arms(campaign, source, base)
+        lines = capped([*lines, *_mistakes_in_arms(campaign, source, base)], source)
     if lines:
         raise CampaignError("\n".join(lines))
     assert campaign is not None

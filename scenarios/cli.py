@@ -1,6 +1,8 @@
 """The command line: `leakloc`, or `python -m scenarios`."""
 
+import io
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +32,8 @@ def main() -> None:
 
     SCENARIO is a TOML file or the name of a shipped scenario. Start with: leakloc demo
     """
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # a file's name may be no text at all
 
 
 @main.command()

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from leakloc.outside_file import read_json
 from scenarios.cli_options import FILE, SEED, chosen_estimator, clear_errors, estimator_options, scenario_options
 from scenarios.output_folder import check_target, write_file, write_json
 from scenarios.scenario_file import read_scenario
@@ -16,7 +16,9 @@ from scenarios.scenario_file import read_scenario
 if TYPE_CHECKING:
     from scenarios.estimators import EstimatorSpec
 
-MAX_BASELINE_BYTES = 100_000_000
+MAX_BASELINE_BYTES = 6_000_000
+"""Of some 15 000 scenes."""
+
 NOT_GOOD_ENOUGH = 1
 
 
@@ -57,17 +59,16 @@ def run_bench_command(spec: EstimatorSpec, options: dict[str, Any]) -> None:
 def read_baseline(path: Path) -> dict[str, Any]:
     """Read the JSON of an earlier run; raises BaselineError."""
     try:
-        if path.stat().st_size > MAX_BASELINE_BYTES:
-            raise BaselineError(f"{path}: must be at most {MAX_BASELINE_BYTES} bytes")
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = read_json(path, MAX_BASELINE_BYTES)
+    except ValueError as error:
+        raise BaselineError(f"{path}: {error}") from None
+    try:
         for row in content["trials"]:
             if not (
                 isinstance(row["stratum"], str) and isinstance(row["number"], int) and row["right"] in (True, False)
             ):
                 raise KeyError("trials")
-    except OSError as error:
-        raise BaselineError(f"{path}: cannot be read: {error.strerror}") from None
-    except (ValueError, TypeError, KeyError, RecursionError):
+    except (TypeError, KeyError):
         raise BaselineError(f"{path}: is not the --json of an earlier bench run") from None
     return dict(content)
 

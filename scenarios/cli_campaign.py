@@ -52,10 +52,12 @@ def run(  # noqa: PLR0913  one argument per option
     timeout: float,
 ) -> None:
     """Run what is not there yet, and say what came out."""
-    from scenarios.estimators import EstimatorSpec
+    from scenarios.estimators import EstimatorSpec, check_there
 
     foreign = [EstimatorSpec("callable", text, timeout) for text in callables]
     foreign += [EstimatorSpec("command", text, timeout) for text in commands]
+    for spec in foreign:
+        check_there(spec)
     wanted = read_campaign(file) if repeats is None else repeated(read_campaign(file), repeats)
     check_target(store)
     if dask is None:
@@ -155,7 +157,8 @@ def figure(store: Path, destination: Path) -> None:
     """Write the report's figure alone: detection and error against the swept axis, with intervals."""
     from scenarios.campaign_figures import main_axis, sweep_figure
     from scenarios.campaign_summary import cells
-    from scenarios.store import StoreError, read_store
+    from scenarios.store import read_store
+    from scenarios.store_identity import StoreError
 
     check_apart(store, destination)
     check_target(destination)

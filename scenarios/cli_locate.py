@@ -12,6 +12,7 @@ import click
 from scenarios.cli_options import FILE, FiniteRange, clear_errors
 from scenarios.clip_folder import has_manifest, verify_input
 from scenarios.condition import condition_table
+from scenarios.export import verify_exported
 from scenarios.output_folder import OutputError, check_target, write_file
 from scenarios.score import nulled
 
@@ -95,6 +96,8 @@ def _views(paths: tuple[Path, ...], options: dict[str, Any]) -> list[Clip]:
     if options["rigs"]:
         if len(paths) != 2 or options["pans"]:
             raise click.UsageError("--rig goes with two paths, LEFT and RIGHT, and without --pan")
+        for path in paths:
+            verify_exported(path)
         size = leakloc.footage_size(paths[0])
         rig = leakloc.read_calibration(
             options["rigs"] if len(options["rigs"]) > 1 else options["rigs"][0], image_size=size

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Callable
 from functools import wraps
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import click
 
@@ -37,7 +37,10 @@ SEED = click.IntRange(0, 2**63 - 1)
 
 
 def clear_errors(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Turn an error of the user's input into one message and exit code 2; anything else is a defect and may be seen."""
+    """Turn an error of the user's input into one message and exit code 2; anything else is a defect and may be seen.
+
+    What the system says of a path that it was given (too long, not permitted, no space) is such an error, too.
+    """
 
     @wraps(command)
     def wrapped(*args: Any, **options: Any) -> Any:
@@ -46,7 +49,7 @@ def clear_errors(command: Callable[..., Any]) -> Callable[..., Any]:
         from scenarios.cli_bench import BaselineError
         from scenarios.estimators import EstimatorError
         from scenarios.irradiate import FramesError
-        from scenarios.store import StoreError
+        from scenarios.store_identity import StoreError
         from scenarios.workers import WorkerError
 
         foreign = (ClipError, RigError, ResultError, FramesError, EstimatorError, BaselineError, WorkerError)
@@ -54,11 +57,21 @@ def clear_errors(command: Callable[..., Any]) -> Callable[..., Any]:
         try:
             return command(*args, **options)
         except (*INPUT_ERRORS, *foreign, *studies) as error:
-            for line in str(error).splitlines():
-                click.echo(f"Error: {line}", err=True)
-            sys.exit(BAD_INPUT)
+            _refuse(str(error))
+        except OSError as error:
+            if error.filename is None:
+                raise
+            _refuse(f"{error.filename}: {error.strerror}")
 
     return wrapped
+
+
+def _refuse(message: str) -> NoReturn:
+    """Say a line a mistake, so that nothing in a file or its name steers the terminal, and exit with 2."""
+    for line in message.split("\n"):
+        shown = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in line)
+        click.echo(f"Error: {shown}", err=True)
+    sys.exit(BAD_INPUT)
 
 
 def scenario_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -96,10 +109,12 @@ def estimator_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 def chosen_estimator(options: dict[str, Any]) -> Any:
     """Return the specification of the one estimator that the options name."""
-    from scenarios.estimators import EstimatorSpec
+    from scenarios.estimators import EstimatorSpec, check_there
 
     kinds = {"method": "method", "estimator": "callable", "command": "command"}
     given: list[tuple[Any, str]] = [(kind, options[name]) for name, kind in kinds.items() if options[name]]
     if len(given) != 1:
         raise click.UsageError("exactly one of --method, --estimator and --command must say what is tested")
-    return EstimatorSpec(*given[0], options["timeout"])
+    spec = EstimatorSpec(*given[0], options["timeout"])
+    check_there(spec)
+    return spec

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import json
+import os
 import platform
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 
 from leakloc import write_rig
+from leakloc.outside_file import read_json
 from scenarios.output_folder import OutputError, made_by, write_file, write_json
 from scenarios.scenario_toml import scenario_toml
 from scenarios.truth import truth_json
@@ -27,7 +28,12 @@ MANIFEST = "clip.json"
 ESTIMATORS_FILES = ("rig.yaml", "input.json")
 ESTIMATORS_FOLDERS = ("left", "right")
 TRUTH_FILES = ("truth.json", "scenario.toml")
-MAX_MANIFEST_BYTES = 10_000_000
+MAX_MANIFEST_BYTES = 1_000_000
+"""Of 2000 frames some 400 000."""
+
+MAX_LISTED_BYTES = 64 << 20
+"""Of one file of a clip."""
+
 PNG_FAST = (cv2.IMWRITE_PNG_COMPRESSION, 1)
 """Noise does not compress: higher levels cost time and save 2 %."""
 
@@ -48,7 +54,7 @@ def write_clip(
         (folder / "truth.json").write_text(truth_json(clip.truth), encoding="utf-8")
         (folder / "scenario.toml").write_text(scenario_toml(clip.scenario), encoding="utf-8")
         for name in (*ESTIMATORS_FILES, *TRUTH_FILES):
-            sums[name] = _sha256(folder / name)
+            sums[name] = sha256_of(folder / name)
         write_json(folder / MANIFEST, _manifest(clip, sums))
         verify_clip(folder)
 
@@ -116,7 +122,7 @@ def _write_frames(frames: np.ndarray, folder: Path) -> dict[str, str]:
         back = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
         if back is None or not np.array_equal(back, frames[number]):
             raise OutputError(f"{path}: reads back differently from what was written; is the disk full?")
-        return f"{folder.name}/{path.name}", _sha256(path)
+        return f"{folder.name}/{path.name}", sha256_of(path)
 
     with ThreadPoolExecutor(2) as threads:
         return dict(threads.map(write, range(len(frames))))
@@ -146,13 +152,9 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     """Content of clip.json; raises DamagedClipError where it is not what `write_clip` writes."""
     path = folder / MANIFEST
     try:
-        if path.stat().st_size > MAX_MANIFEST_BYTES:
-            raise DamagedClipError(f"{path}: must be at most {MAX_MANIFEST_BYTES} bytes")
-        manifest = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise DamagedClipError(f"{path}: cannot be read: {error.strerror}") from None
-    except (ValueError, RecursionError) as error:
-        raise DamagedClipError(f"{path}: not valid JSON: {error}") from None
+        manifest = read_json(path, MAX_MANIFEST_BYTES)
+    except ValueError as error:
+        raise DamagedClipError(f"{path}: {error}") from None
     files = manifest.get("files") if isinstance(manifest, dict) else None
     if not isinstance(files, dict) or not all(isinstance(value, str) for value in files.values()):
         raise DamagedClipError(f"{path}: files must be a table of SHA-256 by file name")
@@ -169,11 +171,14 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 
 def _damage(folder: Path, name: str, expected: str) -> str | None:
     path = folder / name
-    if path.is_symlink() or not path.is_file():
+    if os.path.islink(path) or not os.path.isfile(path):  # for any name, be it too long for the file system
         return "missing"
-    return None if _sha256(path) == expected else f"its SHA-256 differs from {MANIFEST}"
+    if path.stat().st_size > MAX_LISTED_BYTES:
+        return f"must be at most {MAX_LISTED_BYTES} bytes"
+    return None if sha256_of(path) == expected else f"its SHA-256 differs from {MANIFEST}"
 
 
-def _sha256(path: Path) -> str:
+def sha256_of(path: Path) -> str:
+    """SHA-256 of a file, in hexadecimal digits."""
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()

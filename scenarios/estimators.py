@@ -7,9 +7,13 @@ malformed output is an outcome, not the end of the run.
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import multiprocessing
+import re
 import shlex
+import shutil
 import subprocess
+import sys
 import tempfile
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -22,12 +26,15 @@ import numpy as np
 import leakloc
 import leakloc.methods
 from leakloc import Estimate, LeakEstimate, ResultError, Rig
+from leakloc.result import MAX_LEAKS
 from scenarios import naive
 from scenarios.clip_folder import write_estimators_clip
 from scenarios.simulate import SimulatedClip
 
 Breakdown = Literal["crash", "timeout", "nan", "malformed"]
 SHOWN_ERROR_CHARS = 300
+MAX_TEXT_CHARS = 10_000
+IMPORTABLE = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*")
 BUILT_IN = ("paper", "robust", "naive")
 
 
@@ -58,10 +65,24 @@ class EstimatorSpec:
         """Check what can be checked without running it."""
         if self.kind == "method" and self.text not in BUILT_IN:
             raise EstimatorError(f"method {self.text!r}: must be one of {', '.join(BUILT_IN)}")
-        if self.kind == "callable" and self.text.count(":") != 1:
+        if len(self.text) > MAX_TEXT_CHARS:
+            raise EstimatorError(f"estimator {self.text[:60]!r}...: must have at most {MAX_TEXT_CHARS} characters")
+        if self.kind == "callable" and not IMPORTABLE.fullmatch(self.text):
             raise EstimatorError(f"estimator {self.text!r}: must have the form package.module:function")
         if self.kind == "command":
             _words_of(self.text)
+
+
+def check_there(spec: EstimatorSpec) -> None:
+    """Raise EstimatorError unless the package or program is there: before the first clip, and before it is started."""
+    if spec.kind == "callable":
+        package = spec.text.partition(":")[0].partition(".")[0]
+        if package not in sys.modules and importlib.util.find_spec(package) is None:
+            raise EstimatorError(f"estimator {spec.text!r}: cannot be imported: there is no module {package!r}")
+    if spec.kind == "command":
+        program = next(iter(_words_of(spec.text)), "")
+        if shutil.which(program) is None:
+            raise EstimatorError(f"command {program!r}: cannot be started: there is no such program")
 
 
 def run_estimator(spec: EstimatorSpec, clip: SimulatedClip) -> Answer:
@@ -80,7 +101,16 @@ def run_command(spec: EstimatorSpec, clip: SimulatedClip) -> Answer:
         write_estimators_clip(clip, folder)
         words = [word.replace("{clip}", str(folder)).replace("{result}", str(result)) for word in _words_of(spec.text)]
         try:
-            done = subprocess.run(words, capture_output=True, text=True, timeout=spec.timeout_s, check=False)
+            done = subprocess.run(
+                words,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.PIPE,
+                text=True,
+                errors="replace",
+                timeout=spec.timeout_s,
+                check=False,
+            )
         except subprocess.TimeoutExpired:
             return Broken("timeout", f"no result within {spec.timeout_s:g} s")
         except OSError as error:
@@ -155,20 +185,38 @@ def _host_of(spec: EstimatorSpec) -> Host:
 
 
 def _serve(name: str, pipe: Connection) -> None:
-    """Answer clips until the other end is gone; runs in the host's process."""
-    try:
-        module, _, attribute = name.partition(":")
-        function = getattr(importlib.import_module(module), attribute)
-    except (ImportError, AttributeError, ValueError) as error:
-        pipe.recv()
-        pipe.send(("missing", f"estimator {name!r}: cannot be imported: {error}"))
-        return
+    """Answer clips until the other end is gone; runs in the host's process.
+
+    The first clip is taken before anything is imported: the other end, whose time-out begins after it, is not held up.
+    """
+    function = None
     while True:
         try:
             left, right, rig = pipe.recv()
         except EOFError:
             return
-        pipe.send(_answer(function, left, right, rig))
+        try:
+            function = function or _imported(name)
+        except EstimatorError as error:
+            pipe.send(("missing", str(error)))
+            return
+        answer = _answer(function, left, right, rig)
+        try:
+            pipe.send(answer)
+        except Exception as error:  # what cannot be pickled says so in many ways
+            pipe.send(("malformed", f"must return plain data: {error}"[:SHOWN_ERROR_CHARS]))
+
+
+def _imported(name: str) -> Callable[[np.ndarray, np.ndarray, Rig], Any]:
+    """Import a callable by its name; raises EstimatorError whatever the module does instead of being imported."""
+    module, _, attribute = name.partition(":")
+    try:
+        function = getattr(importlib.import_module(module), attribute)
+    except (Exception, SystemExit) as error:
+        raise EstimatorError(f"estimator {name!r}: cannot be imported: {error}"[:SHOWN_ERROR_CHARS]) from None
+    if not callable(function):
+        raise EstimatorError(f"estimator {name!r}: must be a function, got {type(function).__name__}")
+    return function
 
 
 def _answer(
@@ -176,7 +224,7 @@ def _answer(
 ) -> tuple[str, Any]:
     try:
         found = function(left, right, rig)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         return "crash", f"{type(error).__name__}: {error}"[:SHOWN_ERROR_CHARS]
     try:
         return "estimate", found if isinstance(found, Estimate) else _from_places(found, rig)
@@ -187,7 +235,9 @@ def _answer(
 def _from_places(places: Iterable[tuple[float, float]], rig: Rig) -> Estimate:
     undefined = np.full((2, 2), np.nan)
     leaks = []
-    for x_m, y_m in places:
+    for number, (x_m, y_m) in enumerate(places):
+        if number == MAX_LEAKS:
+            raise ValueError(f"more than {MAX_LEAKS} leaks")
         place = np.array([float(x_m), float(y_m), 0.0, 1.0])
         columns_px = [float(u / w) for u, _, w in (rig.P1 @ place, rig.P2 @ place)] if np.isfinite(place).all() else []
         left_px, right_px = columns_px or (np.nan, np.nan)

@@ -1,17 +1,18 @@
 """Export a clip folder for other tools: videos, COCO annotations, truth as a table; each read back and compared."""
 
-import hashlib
 import json
+import os
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 
 from leakloc import read_clip
-from scenarios.clip_folder import MANIFEST, verify_clip
+from leakloc.outside_file import read_json
+from scenarios.clip_folder import MANIFEST, DamagedClipError, sha256_of, verify_clip
 from scenarios.export_coco import coco_annotations
 from scenarios.export_csv import read_truth_csv, truth_csv
 from scenarios.export_video import write_video
-from scenarios.output_folder import OutputError, made_by, write_file, write_json
+from scenarios.output_folder import MAX_MARKER_BYTES, OutputError, made_by, write_file, write_json
 from scenarios.scenario_file import read_scenario
 from scenarios.truth import read_truth
 
@@ -30,10 +31,31 @@ def export_clip(
     with new_folder(destination) as folder:
         for kind in kinds:
             WRITERS[kind](clip, folder)
-        sums = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(folder.iterdir())}
-        source = hashlib.sha256((clip / MANIFEST).read_bytes()).hexdigest()
+        sums = {path.name: sha256_of(path) for path in sorted(folder.iterdir())}
+        source = sha256_of(clip / MANIFEST)
         write_json(folder / MARKER, {"made_by": made_by(), "clip_sha256": source, "files": sums})
     return list(sums)
+
+
+def verify_exported(video: Path) -> None:
+    """Check a video against the SHA-256 that its export states, if it stands in one; raises DamagedClipError.
+
+    A decoder makes frames of a damaged video, too: mostly others, without a word.
+    """
+    marker = video.parent / MARKER
+    if not os.path.lexists(marker) or not os.path.isfile(video):
+        return
+    try:
+        content = read_json(marker, MAX_MARKER_BYTES)
+    except ValueError as error:
+        raise DamagedClipError(f"{marker}: {error}") from None
+    if not isinstance(content, dict) or not str(content.get("made_by", "")).startswith("leakloc "):
+        return  # another program's
+    files = content.get("files")
+    if not isinstance(files, dict):
+        raise DamagedClipError(f"{marker}: files must be a table of SHA-256 by file name")
+    if files.get(video.name, "") not in ("", sha256_of(video)):
+        raise DamagedClipError(f"{video}: damaged: its SHA-256 differs from {MARKER}")
 
 
 def _write_videos(clip: Path, folder: Path) -> None:

@@ -1,14 +1,14 @@
 """Generate a data set: many clips of one scenario with leaks drawn anew, in parallel, resumable after a kill."""
 
-import json
 import shutil
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
+from leakloc.outside_file import read_json
 from scenarios.clip_folder import DamagedClipError, read_manifest, verify_clip, write_clip
 from scenarios.draws import seed_of_clip
-from scenarios.output_folder import OutputError, creating, made_by, write_json
+from scenarios.output_folder import MAX_MARKER_BYTES, OutputError, creating, made_by, write_json
 from scenarios.scenario import Drip, LayoutTable, Scenario
 from scenarios.scenario_toml import scenario_toml
 from scenarios.simulate import simulate
@@ -72,8 +72,8 @@ def _begin(destination: Path, plan: dict[str, object]) -> None:
 def _clips_listed(destination: Path, scenario: str) -> list[str] | None:
     """Clips that the index of a data set of this scenario lists; None where it is no such data set."""
     try:
-        index = json.loads((destination / INDEX).read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
+        index = read_json(destination / INDEX, MAX_MARKER_BYTES)
+    except ValueError:
         return None
     if not isinstance(index, dict) or index.get("scenario") != scenario or index.get("made_by") != made_by():
         return None

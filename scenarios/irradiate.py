@@ -3,7 +3,7 @@
 Only what radiation adds is added: such frames carry the noise of their own sensor.
 """
 
-import json
+import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
@@ -12,10 +12,13 @@ from pathlib import Path
 
 import numpy as np
 
+from leakloc.clip import MAX_INPUT_BYTES
 from leakloc.footage import image_paths
 from leakloc.image_file import read_grey_image
+from leakloc.outside_file import read_json, read_regular_file
 from noise import GammaField, GammaHits, Sensor, add_noise
 from scenarios.clip_folder import ESTIMATORS_FILES, ESTIMATORS_FOLDERS, encode_png, has_manifest, verify_input
+from scenarios.mistakes import shown
 from scenarios.output_folder import check_apart, made_by, write_file, write_json
 from scenarios.rules import MAX_HITS, most_hits
 
@@ -67,8 +70,8 @@ def irradiate(
             write_file(folder / (f"hits_{camera}.csv" if camera else "hits.csv"), _csv(noisy.hits))
             n_hits += len(noisy.hits)
         for name in ESTIMATORS_FILES:
-            if (source / name).is_file():
-                write_file(folder / name, (source / name).read_bytes())
+            if os.path.lexists(source / name):
+                write_file(folder / name, _copied(source / name))
         write_json(folder / "noise.json", _marker(field, sensor, exposure))
     return n_hits
 
@@ -76,14 +79,16 @@ def irradiate(
 def recorded_exposure_s(source: Path) -> float | None:
     """Exposure that input.json of a clip states, or None."""
     path = source / "input.json"
-    if not path.is_file() or path.stat().st_size > 1_000_000:
+    if not os.path.lexists(path):
         return None
     try:
-        value = json.loads(path.read_text(encoding="utf-8")).get("exposure_s")
-    except (ValueError, AttributeError, RecursionError):
-        raise FramesError(f"{path}: not valid JSON with a key exposure_s") from None
+        value = read_json(path, MAX_INPUT_BYTES).get("exposure_s")
+    except AttributeError:
+        raise FramesError(f"{path}: must be an object with a key exposure_s") from None
+    except ValueError as error:
+        raise FramesError(f"{path}: {error}") from None
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < 1e4:
-        raise FramesError(f"{path}: exposure_s must be > 0 s, got {value!r}")
+        raise FramesError(f"{path}: exposure_s must be > 0 s, got {shown(value)}")
     return float(value)
 
 
@@ -119,6 +124,13 @@ def _cameras(source: Path) -> list[str]:
     return there
 
 
+def _copied(path: Path) -> bytes:
+    try:
+        return read_regular_file(path, MAX_INPUT_BYTES)
+    except ValueError as error:
+        raise FramesError(f"{path}: {error}") from None
+
+
 def _check_hits(field: GammaField, sensor: Sensor, exposure_s: float, frames: np.ndarray) -> None:
     rate = field.dose_rate_at(0.0)
     n_hits = most_hits(rate * exposure_s * len(frames) / 3600.0, sensor.pitch_um, frames.shape[1:])
@@ -131,8 +143,6 @@ def _read_frame(path: Path) -> np.ndarray:
         frame = read_grey_image(path)
     except ValueError as error:
         raise FramesError(f"{path}: {error}") from None
-    except OSError as error:
-        raise FramesError(f"{path}: cannot be read: {error.strerror}") from None
     if frame.dtype != np.uint8:
         raise FramesError(f"{path}: must have 8 bit, got {8 * frame.itemsize}")
     return frame

@@ -8,6 +8,8 @@ from typing import Any, Generic, TypeVar
 from pydantic import BaseModel, ValidationError
 
 SHOWN_VALUE_CHARS = 60
+MAX_LINES = 50
+"""Of one file: who made more mistakes meant something else."""
 
 ROW_ERRORS = {"missing", "union_tag_invalid", "union_tag_not_found", "model_type", "model_attributes_type"}
 
@@ -47,7 +49,7 @@ class FileRules(Generic[Content]):
 
 
 def checked(data: dict[str, Any], source: str, rules: FileRules[Content]) -> tuple[Content | None, list[str]]:
-    """Return the content of parsed data and the lines of its mistakes.
+    """Return the content of parsed data and the lines of its mistakes; of more than 50, the first ones and how many.
 
     With mistakes the content is that of the good keys alone, or None where nothing is left to go on with.
     """
@@ -58,6 +60,9 @@ def checked(data: dict[str, Any], source: str, rules: FileRules[Content]) -> tup
         content = rules.model.model_validate(data)
     except ValidationError as error:
         details = error.errors(include_url=False)
+        if len(details) > MAX_LINES:
+            lines = [_line(source, detail, rules.model) for detail in details[:MAX_LINES]]
+            return None, [*lines, _more(source, len(details) - MAX_LINES)]
         lines = [_line(source, detail, rules.model) for detail in details]
         bad_keys = {_key(detail["loc"]) for detail in details}
         content = _without(data, details, rules)
@@ -67,19 +72,29 @@ def checked(data: dict[str, Any], source: str, rules: FileRules[Content]) -> tup
             for broken in rules.violations(content)
             if not _touches(broken.reads, bad_keys)
         ]
-    return content, lines
+    return content, capped(lines, source)
 
 
 def nearest(word: str, known: Sequence[str]) -> str:
     """Return '; did you mean "..."?' with the known word most like this one, or nothing."""
-    close = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
+    close = difflib.get_close_matches(word[:SHOWN_VALUE_CHARS], known, n=1, cutoff=0.5)
     return f'; did you mean "{close[0]}"?' if close else ""
 
 
 def shown(value: object) -> str:
-    """A value as a line of text shows it."""
-    text = repr(value)
-    return text if len(text) <= SHOWN_VALUE_CHARS else f"{text[: SHOWN_VALUE_CHARS - 3]}..."
+    """A value as a line of text shows it, and no more of a long one is looked at."""
+    text = repr(value[:SHOWN_VALUE_CHARS] if isinstance(value, str | list | tuple) else value)
+    cut = isinstance(value, str | list | tuple) and len(value) > SHOWN_VALUE_CHARS
+    return text if len(text) <= SHOWN_VALUE_CHARS and not cut else f"{text[: SHOWN_VALUE_CHARS - 3]}..."
+
+
+def capped(lines: list[str], source: str) -> list[str]:
+    """As many lines as a person reads, and how many were left out."""
+    return [*lines[:MAX_LINES], _more(source, len(lines) - MAX_LINES)] if len(lines) > MAX_LINES else lines
+
+
+def _more(source: str, n_left_out: int) -> str:
+    return f"{source}: and {n_left_out} more mistakes"
 
 
 def _line(source: str, detail: Any, root: type[BaseModel]) -> str:
@@ -196,5 +211,14 @@ def _touches(reads: Sequence[str], bad_keys: set[str]) -> bool:
 
 def _key(location: Sequence[int | str]) -> str:
     """Key as it stands in the file: pydantic puts a structure's kind between its number and its field."""
-    parts = [part for i, part in enumerate(location) if not (i == 2 and location[0] == "structure")]
-    return ".".join(str(part) for part in parts)
+    return shown_key([part for i, part in enumerate(location) if not (i == 2 and location[0] == "structure")])
+
+
+def shown_key(location: Sequence[int | str]) -> str:
+    """A key as a line of text shows it."""
+    return ".".join(_plain(str(part)) for part in location)
+
+
+def _plain(part: str) -> str:
+    """A part of a key as a line of text shows it: TOML allows any text in quotes, line ends and all."""
+    return part if part.isprintable() and len(part) <= SHOWN_VALUE_CHARS else shown(part)

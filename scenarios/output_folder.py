@@ -10,8 +10,16 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from leakloc.outside_file import read_json
+
 MARKERS = ("clip.json", "dataset.json", "demo.json", "noise.json", "export.json", "tables.json")
 """A folder that the tool made holds one of these, with a key "made_by"."""
+
+MAX_MARKER_BYTES = 6_000_000
+"""Of a data set of 100 000 clips some 2 000 000."""
+
+MAX_NAME_BYTES = 200
+"""File systems bear 255; what is not whole yet has a longer name beside it."""
 
 
 class OutputError(ValueError):
@@ -54,11 +62,9 @@ def _markers(folder: Path) -> set[str]:
 
 def _content_of(path: Path) -> dict[str, Any]:
     """Content of a JSON file, empty where there is none or it holds no table."""
-    if not path.is_file() or path.stat().st_size > 100_000_000:
-        return {}
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (ValueError, OSError, RecursionError):
+        content = read_json(path, MAX_MARKER_BYTES)
+    except ValueError:
         return {}
     return content if isinstance(content, dict) else {}
 
@@ -81,14 +87,20 @@ def write_file(path: Path, content: bytes | str) -> None:
 
 def check_target(path: Path) -> None:
     """Refuse a file to write whose folder is missing, that is no regular file, or that belongs to a clip."""
+    _check_name(path)
     if not path.parent.is_dir():
         raise OutputError(f"{path}: its folder does not exist")
-    if path.exists() and not path.is_file():
-        raise OutputError(f"{path}: must be a regular file, not a folder or device")
+    # what is renamed to a link takes the link's place: as root, that of /dev/stdout
+    if os.path.lexists(path) and (path.is_symlink() or not path.is_file()):
+        raise OutputError(f"{path}: must be a regular file, not a folder, device or link")
     for clip, name in ((path.parent, path.name), (path.parent.parent, f"{path.parent.name}/{path.name}")):
         manifest = _content_of(clip / "clip.json")
-        if name in {"clip.json", *manifest.get("files", {})} and manifest:
+        if manifest and name in {"clip.json", *_names(manifest.get("files"))}:
             raise OutputError(f"{path}: belongs to the clip {clip}; a clip is replaced as a whole or not at all")
+
+
+def _names(files: Any) -> list[str]:
+    return list(files) if isinstance(files, dict) else []
 
 
 def check_new(destination: Path) -> None:
@@ -111,7 +123,7 @@ def check_same_kind(destination: Path, marker: str) -> None:
 
 def check_apart(source: Path, destination: Path) -> None:
     """Refuse an output that is its own input, or inside it, or around it."""
-    here, there = source.resolve(), destination.resolve()
+    here, there = (Path(os.path.realpath(path)) for path in (source, destination))  # bears links in a circle
     if here == there or here in there.parents or there in here.parents:
         raise OutputError(f"{destination}: must be apart from {source}")
 
@@ -121,7 +133,16 @@ def write_json(path: Path, content: Any) -> None:
     write_file(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
 
 
+def _check_name(path: Path) -> None:
+    if path.name in ("", "..") or len(os.fsencode(path.name)) > MAX_NAME_BYTES:
+        raise OutputError(f"{path}: must end in a name of its own, of at most {MAX_NAME_BYTES} bytes")
+
+
 def _is_taken(destination: Path) -> bool:
+    _check_name(destination)
+    around = next(folder for folder in destination.absolute().parents if folder.exists())
+    if not (around.is_dir() and os.access(around, os.W_OK)):
+        raise OutputError(f"{destination}: cannot be made: {around} is no folder that may be written to")
     _remove_leftovers(destination)
     if destination.is_symlink() or (destination.exists() and not destination.is_dir()):
         raise OutputError(f"{destination}: must be a folder, not a file or link")

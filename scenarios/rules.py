@@ -9,6 +9,10 @@ from scenarios.scenario import MAX_DROPS_PER_LEAK, Scenario
 MAX_CLIP_PIXELS = 2_000_000_000
 """Both cameras, all frames: 4 GB as float32 for one camera of a stereo pair."""
 
+MAX_BARS = 10_000
+"""Of all gratings: twelve triangles each."""
+
+SHORTEST_PIPE_M = 0.0001
 
 MAX_HITS = 30_000_000
 """Of one camera: their table takes some 2 GB."""
@@ -31,6 +35,7 @@ def violations(scenario: Scenario) -> list[Violation]:
         *_leaks_inside(scenario),
         *_drop_times(scenario),
         *_layout(scenario),
+        *_structures(scenario),
     ]
 
 
@@ -167,3 +172,20 @@ def _layout(scenario: Scenario) -> Iterator[Violation]:
     if close_pairs > 7.0:
         rule = f"{layout.n_leaks} leaks do not fit that far apart into the half disc: must be smaller"
         yield Violation("layout.min_separation_m", layout.min_separation_m, rule, ("layout", *PEDESTAL))
+
+
+def _structures(scenario: Scenario) -> Iterator[Violation]:
+    n_bars = 0.0
+    for i, table in enumerate(scenario.structure):
+        reads = (f"structure.{i}",)
+        if table.kind == "pipe" and math.dist(table.start_m, table.end_m) < SHORTEST_PIPE_M:
+            rule = f"must be at least {SHORTEST_PIPE_M:g} m from start_m"
+            yield Violation(f"structure.{i}.end_m", list(table.end_m), rule, reads)
+        if table.kind == "grating":
+            if table.bar_m >= table.pitch_m:
+                rule = f"must be less than pitch_m = {table.pitch_m:g}"
+                yield Violation(f"structure.{i}.bar_m", table.bar_m, rule, reads)
+            n_bars += sum(side_m / table.pitch_m + 1.0 for side_m in table.size_m)
+            if n_bars > MAX_BARS:
+                rule = f"all gratings must have at most {MAX_BARS} bars together"
+                yield Violation(f"structure.{i}.pitch_m", table.pitch_m, rule, ("structure",))

@@ -11,7 +11,8 @@ from scenarios.campaign_file import CampaignError, CampaignFile
 from scenarios.estimators import EstimatorSpec
 from scenarios.lanes import Kind, grouped, new_process, scenes_done
 from scenarios.scene_work import SceneOutcome, SceneWork
-from scenarios.store import Identity, Writer, writing
+from scenarios.store import Writer, writing
+from scenarios.store_identity import Identity
 from scenarios.stored_run import runs_of
 from scenarios.versions import versions
 

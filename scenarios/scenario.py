@@ -15,9 +15,20 @@ MAX_DROPS_PER_LEAK = 2000
 MAX_FRAMES = 1000
 
 
-def _tuple_of_list(value: Any) -> Any:
+def tuple_of_list(value: Any) -> Any:
     """TOML knows lists alone; the frozen models keep tuples."""
     return tuple(value) if isinstance(value, list) else value
+
+
+def list_of_at_most(max_length: int) -> BeforeValidator:
+    """As `tuple_of_list`; one that is too long is refused before its entries are looked at, each with its mistakes."""
+
+    def short_tuple(value: Any) -> Any:
+        if isinstance(value, list | tuple) and len(value) > max_length:
+            raise ValueError(f"must have at most {max_length} entries")
+        return tuple_of_list(value)
+
+    return BeforeValidator(short_tuple)
 
 
 class Model(BaseModel):
@@ -29,7 +40,8 @@ class Model(BaseModel):
 Metres = Annotated[float, Field(ge=-100.0, le=100.0)]
 Degrees = Annotated[float, Field(ge=-180.0, le=180.0)]
 Reflectance = Annotated[float, Field(gt=0.0, lt=1.0)]
-Point = Annotated[tuple[Metres, Metres, Metres], BeforeValidator(_tuple_of_list)]
+Point = Annotated[tuple[Metres, Metres, Metres], BeforeValidator(tuple_of_list)]
+Side = Annotated[float, Field(ge=0.0001, le=100.0)]
 Distortion = Annotated[
     tuple[
         Annotated[float, Field(ge=-1.0, le=1.0)],
@@ -38,7 +50,7 @@ Distortion = Annotated[
         Annotated[float, Field(ge=-0.1, le=0.1)],
         Annotated[float, Field(ge=-1.0, le=1.0)],
     ],
-    BeforeValidator(_tuple_of_list),
+    BeforeValidator(tuple_of_list),
 ]
 
 
@@ -134,7 +146,7 @@ class BoxTable(Model):
 
     kind: Literal["box"]
     centre_m: Point
-    size_m: Point
+    size_m: Annotated[tuple[Side, Side, Side], BeforeValidator(tuple_of_list)]
     yaw_deg: Degrees = 0.0
     reflectance: Reflectance = 0.08
 
@@ -145,7 +157,7 @@ class PipeTable(Model):
     kind: Literal["pipe"]
     start_m: Point
     end_m: Point
-    radius_m: float = Field(0.05, gt=0.0, le=5.0)
+    radius_m: float = Field(0.05, ge=0.0001, le=5.0)
     reflectance: Reflectance = 0.08
 
 
@@ -154,14 +166,14 @@ class GratingTable(Model):
 
     kind: Literal["grating"]
     centre_m: Point
-    size_m: Annotated[tuple[Metres, Metres], BeforeValidator(_tuple_of_list)]
+    size_m: Annotated[tuple[Side, Side], BeforeValidator(tuple_of_list)]
     pitch_m: float = Field(0.1, gt=0.001, le=10.0)
     bar_m: float = Field(0.01, gt=0.0001, le=10.0)
     reflectance: Reflectance = 0.08
 
 
 class MeshTable(Model):
-    """A mesh file that trimesh can load; a relative path starts at the scenario file."""
+    """A mesh file, STL, PLY, OBJ or OFF; a relative path starts at the scenario file."""
 
     kind: Literal["mesh"]
     path: str = Field(min_length=1, max_length=1000)
@@ -187,7 +199,7 @@ class LeakTable(Drip):
     x_m: Metres
     y_m: Metres
     drop_times_s: Annotated[
-        tuple[Annotated[float, Field(ge=-1000.0, le=1000.0)], ...] | None, BeforeValidator(_tuple_of_list)
+        tuple[Annotated[float, Field(ge=-1000.0, le=1000.0)], ...] | None, list_of_at_most(MAX_DROPS_PER_LEAK)
     ] = Field(None, max_length=MAX_DROPS_PER_LEAK, description="times of release; frame 0 is centred on 0")
 
 
@@ -212,11 +224,11 @@ class Scenario(Model):
     sensor: SensorTable = SensorTable()
     effects: EffectsTable = EffectsTable()
     pedestal: PedestalTable = PedestalTable()
-    lamp: Annotated[tuple[LampTable, ...], BeforeValidator(_tuple_of_list)] = Field(
+    lamp: Annotated[tuple[LampTable, ...], list_of_at_most(MAX_LAMPS)] = Field(
         (LampTable(),), max_length=MAX_LAMPS, description="the paper's one lamp unless listed; lamp = [] is darkness"
     )
-    leak: Annotated[tuple[LeakTable, ...], BeforeValidator(_tuple_of_list)] = Field((), max_length=MAX_LEAKS)
+    leak: Annotated[tuple[LeakTable, ...], list_of_at_most(MAX_LEAKS)] = Field((), max_length=MAX_LEAKS)
     layout: LayoutTable | None = None
-    structure: Annotated[tuple[StructureTable, ...], BeforeValidator(_tuple_of_list)] = Field(
+    structure: Annotated[tuple[StructureTable, ...], list_of_at_most(MAX_STRUCTURES)] = Field(
         (), max_length=MAX_STRUCTURES
     )

@@ -1,17 +1,20 @@
 """Read scenario files: TOML in, a frozen scenario or *all* of its mistakes out, each with file, key, value and rule."""
 
+import os
 import re
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from leakloc.outside_file import MAX_DEPTH
 from scenarios.mistakes import FileRules, checked
 from scenarios.rules import violations
 from scenarios.scenario import Scenario
 from scenarios.shelf import Shelf
 from scenarios.space import scene_of
+from scenarios.toml_text import parse_toml
 
+MAX_OVERRIDE_CHARS = 100_000
 BENCH_SCENE = re.compile(r"(?P<stratum>easy|nominal|hard):(?P<number>\d{1,5})(:(?P<seed>\d{1,9}))?")
 
 SCENARIO_RULES = FileRules(
@@ -65,11 +68,6 @@ def _changed(data: dict[str, Any], source: str, overrides: Sequence[str], seed: 
     return scenario.model_copy(update={"structure": tuple(_at_home(table, source) for table in scenario.structure)})
 
 
-def parse_toml(text: str, source: str) -> dict[str, Any]:
-    """Parse TOML; a syntax error names the source, line and column."""
-    return LIBRARY.parsed(text, source)
-
-
 def validated(data: dict[str, Any], source: str) -> Scenario:
     """Turn parsed data into a scenario, or raise ScenarioError with every broken rule."""
     scenario, lines = checked(data, source, SCENARIO_RULES)
@@ -81,12 +79,12 @@ def validated(data: dict[str, Any], source: str) -> Scenario:
 
 def _data_of(path_or_name: str | Path) -> tuple[str, dict[str, Any]]:
     name = str(path_or_name)
-    if not Path(name).exists() and (place := BENCH_SCENE.fullmatch(name)):
+    if not os.path.lexists(name) and (place := BENCH_SCENE.fullmatch(name)):
         return name, scene_of(place["stratum"], int(place["number"]), int(place["seed"] or 0)).model_dump(
             mode="json", exclude_none=True
         )
     source, text = LIBRARY.text_of(path_or_name)
-    return source, parse_toml(text, source)
+    return source, LIBRARY.parsed(text, source)
 
 
 def _at_home(table: Any, source: str) -> Any:
@@ -107,13 +105,17 @@ def _apply(override: str, data: dict[str, Any]) -> None:
     """Set one `a.b.0.c=value` in parsed data; the value is TOML, or else a plain text."""
     key, equals, text = override.partition("=")
     parts = key.strip().split(".")
+    if len(override) > MAX_OVERRIDE_CHARS:
+        raise ScenarioError(f"--set {override[:60]}...: must have at most {MAX_OVERRIDE_CHARS} characters")
     if not equals or not all(parts):
         raise ScenarioError(f"--set {override}: must have the form key.path=value")
+    if len(parts) > MAX_DEPTH:
+        raise ScenarioError(f"--set {key}: must have at most {MAX_DEPTH} parts")
     if "\n" in text:
         raise ScenarioError(f"--set {key}: must be one line")
     try:
-        value = tomllib.loads(f"value = {text}")["value"]
-    except (tomllib.TOMLDecodeError, RecursionError):
+        value = parse_toml(f"value = {text}")["value"]
+    except ValueError:
         value = text.strip()
     here: Any = data
     if len(parts) > 1 and parts[1].isdecimal() and parts[0] in Scenario.model_fields:

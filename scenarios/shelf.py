@@ -1,13 +1,17 @@
 """Shelves: files of one kind; some are shipped, each by its name, the others stand anywhere, each by its path."""
 
 import difflib
-import tomllib
+import os
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from leakloc.outside_file import read_regular_file
+from scenarios.toml_text import parse_toml
+
 MAX_FILE_BYTES = 1_000_000
+MAX_NAME = 100
 
 
 @dataclass(frozen=True)
@@ -28,31 +32,25 @@ class Shelf:
         Raises the shelf's error where there is no such file or name, or what is there is no text of a sane size.
         """
         path, name = Path(path_or_name), str(path_or_name)
-        if name in self.names() and not path.is_file():
+        if name in self.names() and not os.path.isfile(path):
             return f"{name} (shipped)", (self._shipped() / f"{name}.toml").read_text(encoding="utf-8")
-        if not path.exists():
-            close = difflib.get_close_matches(name, self.names(), n=1)
+        if not os.path.lexists(path):
+            close = difflib.get_close_matches(name[:MAX_NAME], self.names(), n=1)
             hint = f'; did you mean "{close[0]}"?' if close else f"; shipped {self.kind}s: {', '.join(self.names())}"
             raise self.error(f"{name}: no such file or shipped {self.kind}{hint}")
-        if not path.is_file():
-            raise self.error(f"{name}: must be a regular file")
-        if path.stat().st_size > MAX_FILE_BYTES:
-            raise self.error(f"{name}: must be at most {MAX_FILE_BYTES} bytes, got {path.stat().st_size}")
         try:
-            return name, path.read_text(encoding="utf-8")
+            return name, read_regular_file(path, MAX_FILE_BYTES).decode("utf-8")
         except UnicodeDecodeError as error:
             raise self.error(f"{name}: must be UTF-8 text: byte {error.start} is not") from None
-        except OSError as error:
-            raise self.error(f"{name}: cannot be read: {error.strerror}") from None
+        except ValueError as error:
+            raise self.error(f"{name}: {error}") from None
 
     def parsed(self, text: str, source: str) -> dict[str, Any]:
         """Parse TOML; a syntax error names the source, line and column."""
         try:
-            return tomllib.loads(text)
-        except tomllib.TOMLDecodeError as error:
-            raise self.error(f"{source}: not valid TOML: {error}") from None
-        except RecursionError:
-            raise self.error(f"{source}: not valid TOML: nested too deeply") from None
+            return parse_toml(text)
+        except ValueError as error:
+            raise self.error(f"{source}: {error}") from None
 
     def _shipped(self) -> Any:
         return files("scenarios") / self.folder

@@ -7,13 +7,13 @@ same whatever the number of workers and of stops.
 
 import fcntl
 import glob
-import hashlib
 import json
 import os
 import sqlite3
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass, fields
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -21,11 +21,13 @@ from scenarios.campaign import Campaign
 from scenarios.estimators import EstimatorSpec
 from scenarios.output_folder import check_target, is_alive
 from scenarios.scene_work import LeakOutcome, SceneOutcome
-from scenarios.stored_run import COUNTED, Run
+from scenarios.store_identity import Identity, StoreError, check_same
+from scenarios.stored_run import COUNTED, Run, valid_run
 
 APPLICATION_ID = 0x1EA10C  # marks a SQLite file as a store of leakloc
 FORMAT = 2
 MAX_STORE_BYTES = 4_000_000_000
+MAX_CELL_BYTES = 4_000_000
 WAIT_FOR_READERS_S = 60.0
 
 SCHEMA = f"""
@@ -48,30 +50,6 @@ CREATE TABLE timing (run INTEGER PRIMARY KEY, render_s REAL, method_s REAL);
 PRAGMA application_id = {APPLICATION_ID};
 PRAGMA user_version = {FORMAT};
 """
-
-
-class StoreError(ValueError):
-    """A store that cannot be used; the message names the file and the rule."""
-
-
-@dataclass(frozen=True)
-class Identity:
-    """What a store holds results of; results of anything else must not come into it."""
-
-    campaign: Campaign
-    fingerprint: str
-    estimators: tuple[EstimatorSpec, ...]
-    versions: str
-
-    def as_rows(self) -> dict[str, str]:
-        """Return the identity as texts by key, their digest included."""
-        rows = {
-            "campaign": self.campaign.model_dump_json(),
-            "fingerprint": self.fingerprint,
-            "estimators": json.dumps([asdict(spec) for spec in self.estimators]),
-            "versions": self.versions,
-        }
-        return {**rows, "sha256": hashlib.sha256(json.dumps(rows).encode()).hexdigest()}
 
 
 @dataclass(frozen=True)
@@ -119,8 +97,8 @@ def writing(path: Path, identity: Identity) -> Iterator[Writer]:
             raise StoreError(f"{path}: another run is writing to it") from None
         with closing(_connected(path)) as connection:
             with _errors_told(path):
-                _check_same(path, _identity_in(connection), identity)
-                list(_runs_in(connection))  # a damaged store is not gone on with
+                check_same(path, _identity_in(connection), identity)
+                list(_runs_in(connection, identity))  # a damaged store is not gone on with
             yield Writer(path, connection)
 
 
@@ -129,7 +107,8 @@ def read_store(path: Path) -> Stored:
     if not path.is_file():
         raise StoreError(f"{path}: {'must be a file, not a folder or device' if path.exists() else 'no such file'}")
     with closing(_connected(path)) as connection, _errors_told(path):
-        return Stored(_identity_in(connection), tuple(_runs_in(connection)))
+        identity = _identity_in(connection)
+        return Stored(identity, tuple(_runs_in(connection, identity)))
 
 
 def read_timings(path: Path) -> tuple[float, float]:
@@ -145,6 +124,7 @@ RUN_COLUMNS = (
     *("detail", *(f"{kind}_{which}" for which in COUNTED for kind in ("found", "of"))),
     *("false_leaks", "false_codes", "mean_error_m", "estimates_m", "sha256"),
 )
+LEAK_COLUMNS = tuple(field.name for field in fields(LeakOutcome))
 
 
 def _insert(table: str, n_columns: int) -> str:
@@ -195,16 +175,31 @@ def _connected(path: Path) -> sqlite3.Connection:
 
 def _begin(path: Path, connection: sqlite3.Connection) -> None:
     """Check that a database is a whole store of this format, and say how it is to be written."""
+    connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_CELL_BYTES)
+    connection.execute("PRAGMA trusted_schema = OFF")
     if connection.execute("PRAGMA application_id").fetchone() != (APPLICATION_ID,):
         raise StoreError(f"{path}: is not a results store of leakloc")
     ((version,),) = connection.execute("PRAGMA user_version")
     if version != FORMAT:
         raise StoreError(f"{path}: has format {version}; this version reads and writes {FORMAT}")
-    for pragma in ("trusted_schema = OFF", "journal_mode = DELETE", "synchronous = FULL"):
+    if _tables_of(connection) != _our_tables():  # a view or trigger in their place could do anything, for ever
+        raise StoreError(f"{path}: damaged: its tables are not those of a results store")
+    for pragma in ("journal_mode = DELETE", "synchronous = FULL"):
         connection.execute(f"PRAGMA {pragma}")
     ((verdict,),) = connection.execute("PRAGMA quick_check(1)")
     if verdict != "ok":
         raise StoreError(f"{path}: damaged: {verdict}")
+
+
+def _tables_of(connection: sqlite3.Connection) -> list[tuple[str, ...]]:
+    return connection.execute("SELECT type, name, sql FROM sqlite_master ORDER BY name").fetchall()
+
+
+@cache
+def _our_tables() -> list[tuple[str, ...]]:
+    with closing(sqlite3.connect(":memory:")) as connection:
+        connection.executescript(SCHEMA)
+        return _tables_of(connection)
 
 
 @contextmanager
@@ -212,7 +207,7 @@ def _errors_told(path: Path) -> Iterator[None]:
     """Turn what SQLite and the content of a store can say into a StoreError."""
     try:
         yield
-    except sqlite3.DatabaseError as error:
+    except (sqlite3.DatabaseError, UnicodeDecodeError) as error:
         busy = "locked" in str(error) or "full" in str(error)
         raise StoreError(f"{path}: {error}" if busy else f"{path}: damaged, or not a results store: {error}") from None
     except OSError as error:
@@ -228,24 +223,24 @@ def _identity_in(connection: sqlite3.Connection) -> Identity:
             estimators=tuple(EstimatorSpec(**spec) for spec in json.loads(rows["estimators"])),
             versions=rows["versions"],
         )
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, TypeError, ValueError, RecursionError):
         raise sqlite3.DatabaseError("its campaign cannot be read") from None
     if identity.as_rows() != rows:
         raise sqlite3.DatabaseError("its campaign is not as it was written")
     return identity
 
 
-def _runs_in(connection: sqlite3.Connection) -> Iterator[Run]:
+def _runs_in(connection: sqlite3.Connection, identity: Identity) -> Iterator[Run]:
     """Yield the runs by number; raises sqlite3.DatabaseError at one that is not as it was written."""
-    leaks: dict[int, list[LeakOutcome]] = {}
+    leaks: dict[int, list[dict[str, Any]]] = {}
     for number, *cells in connection.execute("SELECT * FROM leak"):
-        leaks.setdefault(number, []).append(LeakOutcome(*cells[:3], *map(bool, cells[3:6]), *cells[6:]))
+        leaks.setdefault(number, []).append(dict(zip(LEAK_COLUMNS, cells, strict=True)))
     for row in connection.execute("SELECT * FROM run ORDER BY run"):
         cells = dict(zip(RUN_COLUMNS, row, strict=True))
         try:
             run = _run_of(cells, tuple(leaks.pop(cells["run"], ())))
-            is_whole = _row_of(run) == row
-        except (TypeError, ValueError, AttributeError):
+            is_whole = _row_of(run) == row and identity.may_have(run)
+        except (TypeError, ValueError, AttributeError, RecursionError):
             is_whole = False
         if not is_whole:
             raise sqlite3.DatabaseError(f"run {cells['run']} is not as it was written")
@@ -254,27 +249,14 @@ def _runs_in(connection: sqlite3.Connection) -> Iterator[Run]:
         raise sqlite3.DatabaseError(f"run {min(leaks)} is missing")
 
 
-def _run_of(cells: dict[str, Any], leaks: tuple[LeakOutcome, ...]) -> Run:
+def _run_of(cells: dict[str, Any], leaks: tuple[dict[str, Any], ...]) -> Run:
     same = ("run", "scene", "arm", "repeat", "seed", "versions", "method", "outcome", "detail")
-    return Run(
+    return valid_run(
         **{name: cells[name] for name in same},
         values=json.loads(cells["arm_values"]),
         base=cells["scenario"],
-        overrides=tuple(json.loads(cells["overrides"])),
+        overrides=json.loads(cells["overrides"]),
         leaks=leaks,
-        false_codes=tuple(json.loads(cells["false_codes"])),
-        estimates_m=tuple((x_m, y_m) for x_m, y_m in json.loads(cells["estimates_m"])),
+        false_codes=json.loads(cells["false_codes"]),
+        estimates_m=json.loads(cells["estimates_m"]),
     )
-
-
-def _check_same(path: Path, stored: Identity, wanted: Identity) -> None:
-    """Refuse to mix results of two campaigns, of two lists of estimators or of two versions."""
-    advice = "start a new store"
-    if stored.fingerprint != wanted.fingerprint:
-        name = stored.campaign.name or "without a name"
-        raise StoreError(f"{path}: holds results of another campaign ({name}), or this one has changed: {advice}")
-    if stored.estimators != wanted.estimators:
-        names = ", ".join(spec.text for spec in stored.estimators)
-        raise StoreError(f"{path}: holds results of other estimators or time-outs ({names}): {advice}")
-    if stored.versions != wanted.versions:
-        raise StoreError(f"{path}: was begun with {stored.versions}; here is {wanted.versions}: {advice}")

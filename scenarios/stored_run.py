@@ -7,6 +7,8 @@ import shlex
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 
+from pydantic import TypeAdapter
+
 from scenarios.arms import Scene
 from scenarios.campaign import Value
 from scenarios.scene_work import OK, LeakOutcome, SceneOutcome
@@ -81,7 +83,19 @@ class Run:
 
     def sha256(self) -> str:
         """Digest of everything that the run says."""
-        return hashlib.sha256(json.dumps(asdict(self), sort_keys=True).encode()).hexdigest()
+        return hashlib.sha256(json.dumps(asdict(self), sort_keys=True, allow_nan=False).encode()).hexdigest()
+
+
+RUNS = TypeAdapter(Run)
+
+
+def valid_run(**values: object) -> Run:
+    """Return a run of values from outside, each of the type that it must have; raises ValueError."""
+    run = RUNS.validate_python(values)
+    for leak in run.leaks:
+        if leak.paper_estimate is not None and not 0 <= leak.paper_estimate < len(run.estimates_m):
+            raise ValueError(f"leak {leak.leak}: there is no estimate {leak.paper_estimate}")
+    return run
 
 
 def runs_of(scene: Scene, outcome: SceneOutcome) -> list[Run]:

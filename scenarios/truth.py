@@ -2,10 +2,15 @@
 
 import json
 from pathlib import Path
+from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, FailFast, Field, ValidationError, model_validator
 
-MAX_TRUTH_BYTES = 50_000_000
+from leakloc.outside_file import read_regular_file
+from scenarios.mistakes import capped, shown_key
+
+MAX_TRUTH_BYTES = 1_000_000
+"""Of 100 leaks and 16 lamps some 200 000."""
 
 
 class TruthError(ValueError):
@@ -25,8 +30,8 @@ class Model(BaseModel):
 class ShadowColumns(Model):
     """Column of a leak's shadow, one per lamp, in each raw image; null where the shadow is not in view."""
 
-    left: tuple[float | None, ...]
-    right: tuple[float | None, ...]
+    left: Annotated[tuple[float | None, ...], FailFast()]
+    right: Annotated[tuple[float | None, ...], FailFast()]
 
 
 class LeakTruth(Model):
@@ -68,7 +73,7 @@ class TrueRig(Model):
 class Truth(Model):
     """Content of truth.json."""
 
-    leaks: tuple[LeakTruth, ...]
+    leaks: Annotated[tuple[LeakTruth, ...], FailFast()]
     rig: TrueRig
 
     @model_validator(mode="after")
@@ -88,16 +93,12 @@ def truth_json(truth: Truth) -> str:
 def read_truth(path: Path) -> Truth:
     """Read truth.json; raises TruthError with file, key and rule."""
     try:
-        if path.stat().st_size > MAX_TRUTH_BYTES:
-            raise TruthError(f"{path}: must be at most {MAX_TRUTH_BYTES} bytes")
-        return Truth.model_validate_json(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise TruthError(f"{path}: cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise TruthError(f"{path}: must be UTF-8 text") from None
+        return Truth.model_validate_json(read_regular_file(path, MAX_TRUTH_BYTES))
     except ValidationError as error:
         lines = [
-            f"{path}: {'.'.join(map(str, detail['loc'])) or 'content'}: {detail['msg']}"
-            for detail in error.errors(include_url=False)
+            f"{path}: {shown_key(detail['loc']) or 'content'}: {detail['msg']}"
+            for detail in error.errors(include_url=False, include_input=False)
         ]
-        raise TruthError("\n".join(lines)) from None
+        raise TruthError("\n".join(capped(lines, str(path)))) from None
+    except ValueError as error:
+        raise TruthError(f"{path}: {error}") from None

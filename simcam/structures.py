@@ -3,6 +3,8 @@
 Every structure has `reflectance` (diffuse) and `triangles()` -> vertices (n, 3) in world metres, faces (m, 3).
 """
 
+import io
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -14,6 +16,8 @@ from simcam.lens import FloatArray
 
 IndexArray = NDArray[Any]  # integers of any width
 MAX_FACES = 5_000_000  # Embree's tree takes about 100 bytes a face: half a gigabyte
+MAX_MESH_BYTES = 50_000_000  # of binary STL, a million faces
+MESH_KINDS = ("stl", "ply", "obj", "off")  # glTF claims arrays of any size in a few bytes, archives unpack to any
 MAX_EXTENT_M = 1000.0  # a mesh in millimetres is the usual cause
 PIPE_SIDES = 48
 
@@ -142,18 +146,36 @@ class Mesh:
 
 
 def mesh_file(path: str | Path, *, scale: float = 1.0, reflectance: float = 0.2) -> Mesh:
-    """Read any mesh file trimesh can load, in metres after `scale`, in world axes.
+    """Read a mesh file, STL, PLY, OBJ or OFF, in metres after `scale`, in world axes; it can name no other file.
 
-    Raises ValueError for a file that cannot be read, has no faces, NaN vertices, or is larger than a kilometre.
+    Raises ValueError for what is no regular file of one of these kinds and at most 50 MB, cannot be read, has no faces,
+    NaN vertices, or is larger than a kilometre.
     """
     import trimesh  # here: it is slow to import and only mesh files need it
 
+    kind = Path(path).suffix.lower().removeprefix(".")
+    if kind not in MESH_KINDS:
+        raise ValueError(f"{path}: must be a mesh file of a kind of {', '.join(MESH_KINDS)}")
     try:
-        loaded = trimesh.load(path, force="mesh", process=False)
+        loaded = trimesh.load(io.BytesIO(_mesh_bytes(Path(path))), file_type=kind, force="mesh", process=False)
+    except OSError as error:
+        raise ValueError(f"{path}: cannot be read: {error.strerror}") from None
     except Exception as error:  # trimesh raises whatever its readers raise
-        raise ValueError(f"{path}: not a mesh that can be read: {error}") from error
+        reason = f": {error}" if isinstance(error, ValueError) else ""
+        raise ValueError(f"{path}: not a mesh that can be read{reason:.200}") from error
     vertices = np.asarray(getattr(loaded, "vertices", np.zeros((0, 3))), float) * scale
     return Mesh(vertices, np.asarray(getattr(loaded, "faces", np.zeros((0, 3), int))), reflectance, str(path))
+
+
+def _mesh_bytes(path: Path) -> bytes:
+    """Content of a regular file of bearable size: a pipe would hang, a device has no end."""
+    if os.path.lexists(path) and not os.path.isfile(path):
+        raise ValueError("must be a regular file")
+    with path.open("rb") as file:
+        content = file.read(MAX_MESH_BYTES + 1)
+    if len(content) > MAX_MESH_BYTES:
+        raise ValueError(f"must be at most {MAX_MESH_BYTES} bytes; simplify it first")
+    return content
 
 
 def check_mesh(vertices_m: FloatArray, faces: IndexArray, name: str) -> None:

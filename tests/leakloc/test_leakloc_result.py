@@ -115,13 +115,18 @@ def with_leak(**changes):
     return json.dumps(RESULT | {"leaks": [LEAK | changes]})
 
 
+def nest(depth):
+    return {"a": nest(depth - 1)} if depth else {}
+
+
 BAD_RESULTS = {
     "empty": ("", "not JSON"),
     "cut short": (json.dumps(RESULT)[:-5], "not JSON"),
     "not utf-8": (b"\xff\xfe\xfa{", "not JSON"),
     "nested": ("[" * 500_000, "not JSON"),
+    "nested within what Python bears": (json.dumps(RESULT | {"diagnostics": nest(400)}), "nested too deeply"),
     "a list": ("[]", "the file must be an object"),
-    "too large": (" " * ((32 << 20) + 1), "at most 33554432 bytes"),
+    "too large": (" " * ((6 << 20) + 1), "at most 6291456 bytes"),
     "NaN": (with_leak(x_m=float("nan")), "finite or null, got NaN"),
     "Infinity": (with_leak(score=float("-inf")), "finite or null, got -Infinity"),
     "beyond floats": (with_leak().replace("1.5", "1e999", 1), "finite or null, got 1e999"),

@@ -170,7 +170,7 @@ BAD_RIGS = {
     "K1 with a word": (matrix_changed("K1", "a, 0., 479.5, 0., 685.51, 269.5, 0., 0., 1."), "K1 must be a number"),
     "K1 NaN": (matrix_changed("K1", "685.51, 0., .Nan, 0., 685.51, 269.5, 0., 0., 1."), "K1 must be finite .*nan"),
     "K2 inf": (matrix_changed("K2", "685.51, 0., .Inf, 0., 685.51, 269.5, 0., 0., 1."), "K2 must be finite .*inf"),
-    "focal length 0": (matrix_changed("K1", "685.51, 0., 479.5, 0., 0., 269.5, 0., 0., 1."), "K1 .*focal .*> 0"),
+    "focal length 0": (matrix_changed("K1", "685.51, 0., 479.5, 0., 0., 269.5, 0., 0., 1."), "K1 .*focal .*>= 1 px"),
     "focal length < 0": (matrix_changed("K2", "-1., 0., 479.5, 0., 685.51, 269.5, 0., 0., 1."), "K2 .*focal .*-1"),
     "K1 transposed": (matrix_changed("K1", "685.51, 0., 0., 0., 685.51, 0., 479.5, 269.5, 1."), "K1 must be .*fx"),
     "D1 of 3": (

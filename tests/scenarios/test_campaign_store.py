@@ -10,14 +10,17 @@ from small_campaigns import csv_of, inline, run, small_campaign, start
 
 from scenarios.campaign_file import read_campaign
 from scenarios.cli import main
+from scenarios.estimators import EstimatorSpec
 from scenarios.scene_work import LeakOutcome, MethodOutcome, SceneOutcome
-from scenarios.store import Identity, StoreError, read_store, read_timings, writing
+from scenarios.store import read_store, read_timings, writing
+from scenarios.store_identity import Identity, StoreError
 from scenarios.stored_run import runs_of
 
 
 def identity(path):
     file = read_campaign(path)
-    return Identity(file.campaign, file.fingerprint(), (), "leakloc 0")
+    estimators = tuple(EstimatorSpec("method", name) for name in file.campaign.methods)
+    return Identity(file.campaign, file.fingerprint(), estimators, "leakloc 0")
 
 
 def outcome(scene):

@@ -21,7 +21,8 @@ from scenarios.estimators import EstimatorSpec
 from scenarios.progress import progress
 from scenarios.scene_work import LeakOutcome
 from scenarios.statistics import clopper_pearson, median_interval
-from scenarios.store import Identity, Stored, read_store
+from scenarios.store import Stored, read_store
+from scenarios.store_identity import Identity
 from scenarios.stored_run import Run, replay_command
 
 FOUND = LeakOutcome(0, 1.0, 0.0, True, True, False, "found", 0.1, 0.5)
