@@ -80,7 +80,7 @@ def understand(track: Track, views: Sequence[Streaks], level: LevelPair, rig: Ri
 
 
 def may_meet(place_m: Array, level: LevelPair, rig: Rig) -> bool:
-    """Whether the columns meet ahead of the cameras and not far beyond the wall."""
+    """Whether a line's place may be ahead of the cameras and not far beyond the wall."""
     if not (np.isfinite(place_m).all() and level.depths_m(place_m[None])[0] > LEAST_DEPTH_M):
         return False
     if rig.pedestal_radius is None or rig.world_from_left is None:
@@ -100,7 +100,8 @@ def stands_on_wall(columns_px: Array, level: LevelPair, rig: Rig) -> bool:
 def judge(line: Line, views: Sequence[Streaks], stage: tuple[LevelPair, Rig], found: Sequence[Verdict]) -> Verdict:
     """Fit the drop that a line shows, or the drop that its shadow implies and none of the leaks found before is."""
     level, rig = stage
-    if not may_meet(line.place_m, level, rig):
+    nearer_px = line.columns_px - np.array([0.0, WALL_PX])  # with a short baseline the wall is a pixel off the horizon
+    if not any(may_meet(level.places_of(columns[None])[0], level, rig) for columns in (line.columns_px, nearer_px)):
         return Verdict(line, NO_MEETING)
     shadowy = line.is_shadowy
     profiles = signed_profiles(views, line.columns_px, -1.0 if line.polarity < 0 and shadowy else 1.0)
