@@ -1,0 +1,52 @@
+"""A scene told in as few lines as it takes: a scenario file of what is not the default, under a comment that says why."""
+
+from typing import Any
+
+import tomli_w
+
+from scenarios.replay import PLAIN, overrides
+from scenarios.scenario import Scenario
+from scenarios.scenario_file import read_scenario
+
+MAX_LINES = 20
+PICTURE = ("rig.width_px", "rig.height_px", "recording.n_frames")
+"""What a scene is made small by: it costs time, and is no condition of a failure unless it cannot be otherwise."""
+
+
+def scene_toml(scenario: Scenario, comments: tuple[str, ...]) -> str:
+    """Return a scenario file of all that differs from the models' defaults, the comments above it."""
+    told = scenario.model_dump(exclude_defaults=True, exclude_none=True)
+    if scenario.lamp == ():
+        told["lamp"] = []  # darkness is not the default
+    return "".join(f"# {line}\n" for line in comments) + tomli_w.dumps(_rounded(told))
+
+
+def conditions(scenario: Scenario) -> list[str]:
+    """Return what a scene has that `plain` has not, each `key=value`; the size of its pictures and clip left out."""
+    return [told for told in _told(scenario) if told.partition("=")[0] not in PICTURE]
+
+
+def _told(scenario: Scenario) -> list[str]:
+    """Differences from `plain`, those of a single leak field by field."""
+    rows = []
+    for told in overrides(scenario):
+        if told.startswith("leak=") and len(scenario.leak) == 1:
+            rows += [f"leak.0.{key}={value}" for key, value in _leak_fields(scenario).items()]
+        else:
+            rows.append(told)
+    return rows
+
+
+def _leak_fields(scenario: Scenario) -> dict[str, Any]:
+    """Fields of the first leak that are not those of the plain scene's."""
+    plain = read_scenario(PLAIN).leak[0].model_dump()
+    return {key: value for key, value in scenario.leak[0].model_dump().items() if value != plain[key]}
+
+
+def _rounded(value: Any) -> Any:
+    """Numbers as a person writes them."""
+    if isinstance(value, dict):
+        return {key: _rounded(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_rounded(item) for item in value]
+    return round(value, 9) if isinstance(value, float) else value
