@@ -46,11 +46,13 @@ def clear_errors(command: Callable[..., Any]) -> Callable[..., Any]:
         from scenarios.cli_bench import BaselineError
         from scenarios.estimators import EstimatorError
         from scenarios.irradiate import FramesError
+        from scenarios.shrink import NothingFailsError
+        from scenarios.space_file import SpaceError
         from scenarios.store import StoreError
         from scenarios.workers import WorkerError
 
         foreign = (ClipError, RigError, ResultError, FramesError, EstimatorError, BaselineError, WorkerError)
-        studies = (CampaignError, StoreError)
+        studies = (CampaignError, StoreError, SpaceError, NothingFailsError)
         try:
             return command(*args, **options)
         except (*INPUT_ERRORS, *foreign, *studies) as error:

@@ -36,15 +36,16 @@ class Quarry:
     seed: int
 
 
-def hunt(quarry: Quarry, evaluate: Evaluate) -> Iterator[list[Tried]]:
-    """Yield round after round of scenes tried, without end; `Atlas` keeps what is worth it.
+def hunt(quarry: Quarry, evaluate: Evaluate, n_scenes: int | None = None) -> Iterator[list[Tried]]:
+    """Yield round after round of scenes tried, without end or until there are `n_scenes`; `Atlas` keeps what is worth it.
 
     The first round is quasi-random (scrambled Sobol); in the others some scenes go downhill from the smallest margins,
     some carry known failures into cells where their code was not seen, and the rest fill the gaps that are left.
     """
     known, number = Known(quarry.space), 0
-    while True:
+    while n_scenes is None or number < n_scenes:
         moves = _start(quarry) if not number else _next(quarry, known, number)
+        moves = moves if n_scenes is None else moves[: n_scenes - number]
         scenarios = [scenario_of(quarry.space, move.shares, move.seed) for move in moves]
         works = [
             SceneWork(number + i, scenario, (quarry.estimator,), SCENE_LIMIT_S)

@@ -10,7 +10,10 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-MARKERS = ("clip.json", "dataset.json", "demo.json", "noise.json", "export.json", "tables.json")
+MARKERS = (
+    *("clip.json", "dataset.json", "demo.json", "noise.json", "export.json", "tables.json"),
+    *("hunt.json", "shrunk.json", "envelope.json"),
+)
 """A folder that the tool made holds one of these, with a key "made_by"."""
 
 

@@ -2,11 +2,10 @@
 
 from typing import Any
 
-import tomli_w
-
 from scenarios.replay import PLAIN, overrides
 from scenarios.scenario import Scenario
 from scenarios.scenario_file import read_scenario
+from scenarios.scenario_toml import inline_toml
 
 MAX_LINES = 20
 PICTURE = ("rig.width_px", "rig.height_px", "recording.n_frames")
@@ -14,11 +13,41 @@ PICTURE = ("rig.width_px", "rig.height_px", "recording.n_frames")
 
 
 def scene_toml(scenario: Scenario, comments: tuple[str, ...]) -> str:
-    """Return a scenario file of all that differs from the models' defaults, the comments above it."""
-    told = scenario.model_dump(exclude_defaults=True, exclude_none=True)
+    """Return a scenario file of all that differs from the models' defaults, the comments above it.
+
+    A key a line; where that is more than 20 lines, a table or a leak a line.
+    """
+    told = _rounded(scenario.model_dump(exclude_defaults=True, exclude_none=True))
     if scenario.lamp == ():
         told["lamp"] = []  # darkness is not the default
-    return "".join(f"# {line}\n" for line in comments) + tomli_w.dumps(_rounded(told))
+    lines = [f"# {line}" for line in comments]
+    loose = lines + _a_key_a_line(told)
+    return "\n".join(loose if len(loose) <= MAX_LINES else lines + _a_table_a_line(told)) + "\n"
+
+
+def _a_key_a_line(told: dict[str, Any]) -> list[str]:
+    plain = [f"{key} = {inline_toml(value)}" for key, value in told.items() if not _is_table(value)]
+    for key, value in told.items():
+        if _is_table(value):
+            for table in value if isinstance(value, list) else [value]:
+                head = f"[[{key}]]" if isinstance(value, list) else f"[{key}]"
+                plain += [head, *(f"{name} = {inline_toml(item)}" for name, item in table.items())]
+    return plain
+
+
+def _a_table_a_line(told: dict[str, Any]) -> list[str]:
+    lines = []
+    for key, value in told.items():
+        if isinstance(value, list) and _is_table(value):
+            rows = [f"  {inline_toml(row)}," for row in value]
+            lines += [f"{key} = [", *rows, "]"]
+        else:
+            lines.append(f"{key} = {inline_toml(value)}")
+    return lines
+
+
+def _is_table(value: Any) -> bool:
+    return isinstance(value, dict) or (isinstance(value, list) and bool(value) and isinstance(value[0], dict))
 
 
 def conditions(scenario: Scenario) -> list[str]:

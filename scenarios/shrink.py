@@ -21,8 +21,8 @@ from scenarios.scenario_file import read_scenario
 from scenarios.scene_file import conditions, scene_toml
 from scenarios.scene_work import MethodOutcome, SceneWork, outcome_of
 
-PICTURES_PX = ((240, 136), (320, 180), (480, 270), (640, 360))
-FRAMES = (4, 6, 8, 12, 18, 24)
+PICTURES_PX = ((320, 180), (480, 270), (640, 360))
+FRAMES = (6, 8, 12, 18, 24)
 PLACES_M = (1.0, 0.5, 0.25, 0.1, 0.05, 0.02)
 """Grids that a leak is put on, the coarsest first."""
 
@@ -65,7 +65,7 @@ def shrink(scenario: Scenario, code: str | None, codes: Codes) -> Iterator[Shrun
             known[key] = not violations(candidate) and wanted_code in codes(candidate)
         return known[key]
 
-    now = scenario
+    now = scenario.model_copy(update={"name": "", "description": ""})
     yield Shrunk(now, wanted_code, 1)
     while len(known) < MAX_TRIED:
         candidates = (one for one in plainer_scenes(now) if complexity(one) < complexity(now))
