@@ -41,7 +41,7 @@ class Atlas:
         self.kept: dict[tuple[str, Cell], Counterexample] = {}
 
     def add(self, tried: Tried) -> list[Counterexample]:
-        """Keep what a scene shows in cells where nothing, or nothing as plain, is kept; return what was new or plainer."""
+        """Keep what a scene shows in cells where nothing as plain is kept yet; return what was new or plainer."""
         kept = []
         for failure in failures(tried.run):
             found = Counterexample(

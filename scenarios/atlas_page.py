@@ -20,10 +20,11 @@ STYLE = """<style>
 .atlas td, .atlas th { vertical-align: top; text-align: left; padding: .25rem .3rem; }
 .atlas td.cell { width: 66px; min-width: 66px; text-align: center; font-size: .75rem; }
 .atlas td.first, .atlas th.first { border-left: 2px solid #c9ccd2; }
-.atlas img { width: 62px; border: 1px solid #c9ccd2; display: block; }
+.atlas .thumb { width: 62px; height: 26px; border: 1px solid #c9ccd2; display: block; background-size: cover; }
 .atlas .none { color: #b9bec6; }
 .cards { display: grid; grid-template-columns: 1fr 1fr; gap: 1rem 1.2rem; }
-.cards img { width: 100%; max-width: 480px; border: 1px solid #e2e4e8; display: block; }
+.cards .thumb { width: 100%; max-width: 480px; aspect-ratio: 480 / 200; border: 1px solid #e2e4e8;
+  background-size: cover; }
 .cards pre { font-size: .78rem; margin: .3rem 0; }
 .cards h3 { margin: .2rem 0 .3rem; }
 .card { border-top: 2px solid #c9ccd2; padding-top: .3rem; min-width: 0; }
@@ -71,6 +72,7 @@ def atlas_html(space: Space, estimator: EstimatorSpec, n_scenes: int, entries: S
     )
     sections = [
         STYLE,
+        _pictures(entries),
         f"<h1>{escape(title)}</h1>",
         f'<p class="lead">{escape(lead)}</p>',
         f'<p class="quiet">{n_scenes} scenes were looked at where failures were likely. They are counterexamples, no '
@@ -79,6 +81,20 @@ def atlas_html(space: Space, estimator: EstimatorSpec, n_scenes: int, entries: S
         *(_cards(code, [entry for entry in entries if entry.found.code == code], estimator) for code in codes),
     ]
     return page(title, sections)
+
+
+def _pictures(entries: Sequence[Entry]) -> str:
+    """Style of every thumbnail: a picture that stands in many cells is in the page once."""
+    rules = "".join(f".{_class(entry)} {{ background-image: url({_data(entry)}); }}\n" for entry in entries)
+    return f"<style>\n{rules}</style>"
+
+
+def _thumb(entry: Entry, words: str) -> str:
+    return f'<div class="thumb {_class(entry)}" role="img" aria-label="{escape(words)}"></div>'
+
+
+def _class(entry: Entry) -> str:
+    return f"t{entry.name}"
 
 
 def _matrix(space: Space, codes: Sequence[str], entries: Sequence[Entry]) -> str:
@@ -98,7 +114,9 @@ def _block(names: Sequence[str], labels: dict[str, str], codes: Sequence[str], e
     there = {(entry.found.code, cell): entry for entry in entries for cell in entry.cells}
     head = "".join(f'<th class="first" colspan="3">{escape(labels.get(name, name))}</th>' for name in names)
     thirds = "".join(
-        f'<th class="{"first" if third == 0 else ""}">{word}</th>' for _ in names for third, word in enumerate(THIRD_NAMES)
+        f'<th class="{"first" if third == 0 else ""}">{word}</th>'
+        for _ in names
+        for third, word in enumerate(THIRD_NAMES)
     )
     rows = []
     for code in codes:
@@ -106,7 +124,8 @@ def _block(names: Sequence[str], labels: dict[str, str], codes: Sequence[str], e
             _cell(there.get((code, Cell(name, third))), first=third == 0) for name in names for third in range(3)
         )
         rows.append(f"<tr><th>{escape(code).replace('.', '.<wbr>')}</th>{cells}</tr>")
-    return f'<div class="wide"><table class="atlas"><tr><th></th>{head}</tr><tr><th></th>{thirds}</tr>{"".join(rows)}</table></div>'
+    heads = f"<tr><th></th>{head}</tr><tr><th></th>{thirds}</tr>"
+    return f'<div class="wide"><table class="atlas">{heads}{"".join(rows)}</table></div>'
 
 
 def _cell(entry: Entry | None, *, first: bool) -> str:
@@ -114,7 +133,7 @@ def _cell(entry: Entry | None, *, first: bool) -> str:
     if entry is None:
         return f'<td class="{kind} none">·</td>'
     target = f"#{entry.name}"
-    return f'<td class="{kind}"><a href="{target}"><img src="{_data(entry)}" alt="scene {entry.found.number}"></a></td>'
+    return f'<td class="{kind}"><a href="{target}">{_thumb(entry, f"scene {entry.found.number}")}</a></td>'
 
 
 def _cards(code: str, entries: Sequence[Entry], estimator: EstimatorSpec) -> str:
@@ -134,7 +153,7 @@ def _card(entry: Entry, estimator: EstimatorSpec) -> str:
     detail = f"<br>{escape(found.detail)}" if found.detail else ""
     return (
         f'<div class="card" id="{entry.name}"><h3>Scene {found.number}</h3>'
-        f'<img src="{_data(entry)}" alt="left residual and top view">'
+        f"{_thumb(entry, 'left residual and top view')}"
         f'<p class="quiet">{plain}<a href="{entry.file}">as it was met</a>; margin {found.severity}{detail}</p>'
         f"<pre>{escape(text)}</pre><pre class='command'>{escape(explain_command(file, estimator))}</pre></div>"
     )

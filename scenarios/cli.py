@@ -9,7 +9,7 @@ import click
 from scenarios.cli_bench import bench, explain
 from scenarios.cli_campaign import campaign
 from scenarios.cli_export import export
-from scenarios.cli_hunt import hunt, shrink
+from scenarios.cli_hunt import envelope, hunt, shrink
 from scenarios.cli_locate import inspect, locate
 from scenarios.cli_options import FILE, FOLDER, SEED, FiniteRange, clear_errors, scenario_options
 from scenarios.cli_reproduce import reproduce
@@ -168,6 +168,7 @@ def _summary(scenario: Scenario, source: str) -> str:
 
 main.add_command(bench)
 main.add_command(campaign)
+main.add_command(envelope)
 main.add_command(explain)
 main.add_command(export)
 main.add_command(hunt)

@@ -12,6 +12,7 @@ class Stream(IntEnum):
     DRIPS = 2
     CLIP_SEED = 3
     HUNT = 4
+    ENVELOPE = 5
 
 
 def rng_for(seed: int, stream: Stream, *place: int) -> np.random.Generator:

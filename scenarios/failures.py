@@ -1,4 +1,4 @@
-"""What of a run is the estimator's failure: an observable leak not found, a place too far off, a false leak, no answer."""
+"""What of a run is a failure: an observable leak not found, a place too far off, a false leak, no answer."""
 
 from dataclasses import dataclass
 

@@ -1,8 +1,8 @@
 """Look for failures where they are: a quasi-random start, then signed margins downhill, and ever finer gaps filled.
 
-Adaptive, so its scenes are counterexamples and no sample: `hunted.py` keeps rates from being made of them. Deterministic
-from the seed and the number of scenes, whatever the number of workers: what a round tries follows from the outcomes of
-the rounds before it alone.
+Adaptive, so its scenes are counterexamples and no sample: `hunted.py` keeps rates from being made of them.
+Deterministic from the seed and the number of scenes, whatever the number of workers: what a round tries follows from
+the outcomes of the rounds before it alone.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -37,7 +37,7 @@ class Quarry:
 
 
 def hunt(quarry: Quarry, evaluate: Evaluate, n_scenes: int | None = None) -> Iterator[list[Tried]]:
-    """Yield round after round of scenes tried, without end or until there are `n_scenes`; `Atlas` keeps what is worth it.
+    """Yield round after round of scenes tried, without end or until there are `n_scenes`; an `Atlas` keeps failures.
 
     The first round is quasi-random (scrambled Sobol); in the others some scenes go downhill from the smallest margins,
     some carry known failures into cells where their code was not seen, and the rest fill the gaps that are left.

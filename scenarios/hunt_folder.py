@@ -27,14 +27,16 @@ class Hunt:
 def plain_examples(hunted: Hunt, n_shrunk: int) -> Iterator[Entry]:
     """Yield an entry for every counterexample kept; of each code the plainest ones, `n_shrunk` of them, made plain.
 
-    Shrinking moves a scene out of the cell that it was met in: the entry stays there, with the file as it was met beside
-    the one made plain.
+    Shrinking moves a scene out of the cell that it was met in: the entry stays there, with the file as it was met
+    beside the one made plain.
     """
     kept = hunted.atlas.counterexamples()
     chosen = {
         id(found)
         for code in hunted.atlas.codes()
-        for found in sorted((one for one in kept if one.code == code), key=lambda one: (one.plainness, one.number))[:n_shrunk]
+        for found in sorted((one for one in kept if one.code == code), key=lambda one: (one.plainness, one.number))[
+            :n_shrunk
+        ]
     }
     for found in kept:
         scenario = _shrunk(found, hunted.quarry) if id(found) in chosen else None
@@ -52,7 +54,9 @@ def write_hunt(folder: Path, hunted: Hunt, entries: list[Entry]) -> None:
         write_file(folder / entry.file, told(found.scenario, found.code, estimator, Path(entry.file).name))
         write_file(folder / entry.picture, entry.png)
         if entry.shrunk is not None:
-            write_file(folder / entry.plain_file, told(entry.shrunk, found.code, estimator, Path(entry.plain_file).name))
+            write_file(
+                folder / entry.plain_file, told(entry.shrunk, found.code, estimator, Path(entry.plain_file).name)
+            )
     write_json(folder / "hunt.json", _summary(hunted, entries))
     write_file(folder / "atlas.html", atlas_html(hunted.quarry.space, estimator, hunted.n_scenes, entries))
 

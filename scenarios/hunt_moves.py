@@ -147,9 +147,7 @@ def _moved(space: Space, leak: int | None) -> list[str]:
     return [cell.parameter for cell in cells_of(space, shares, leak if leak is None else 0)]
 
 
-def _carried(
-    space: Space, tried: Tried, leak: int | None, cell: Cell, *, rng: np.random.Generator
-) -> Move | None:
+def _carried(space: Space, tried: Tried, leak: int | None, cell: Cell, *, rng: np.random.Generator) -> Move | None:
     """Return a scene with one parameter moved into a cell; None where that makes no scene."""
     names, n_axes = parameters(space), len(space.axes)
     place = names.index(cell.parameter)
@@ -174,7 +172,9 @@ def _stepped(space: Space, parent: Move, step: float, *, rng: np.random.Generato
         shares = np.array(parent.shares)
         chosen = rng.choice(matter, size=min(int(rng.integers(1, 4)), len(matter)), replace=False)
         shares[chosen] += step * rng.standard_normal(len(chosen))
-        shares = np.clip(np.where(shares < 0.0, -shares, np.where(shares >= 1.0, 2.0 - shares, shares)), 0.0, 1.0 - 1e-9)
+        shares = np.clip(
+            np.where(shares < 0.0, -shares, np.where(shares >= 1.0, 2.0 - shares, shares)), 0.0, 1.0 - 1e-9
+        )
         move = Move(tuple(map(float, shares)), parent.seed, "downhill")
         if scenario_of(space, move.shares, move.seed) not in (None, before):
             return move

@@ -96,7 +96,9 @@ def _strength_near(estimate: Estimate, leak: LeakTruth) -> float:
 def _lines_near(estimate: Estimate, leak: LeakTruth) -> Iterator[float]:
     for line in estimate.diagnostics.get("lines", ()):
         columns = [(line.get(f"{side}_column_px"), getattr(leak, f"{side}_column_px")) for side in ("left", "right")]
-        if all(seen is not None and true is not None and abs(seen - true) <= COLUMN_TOLERANCE_PX for seen, true in columns):
+        if all(
+            seen is not None and true is not None and abs(seen - true) <= COLUMN_TOLERANCE_PX for seen, true in columns
+        ):
             yield float(line.get("sigmas", math.nan))
 
 
@@ -123,4 +125,3 @@ def _below(ratio: float) -> float:
 
 def _least(values: list[float]) -> float:
     return min(values, default=math.nan)
-

@@ -54,3 +54,22 @@ def told_as_it_goes(items: Iterable[Item], what: str) -> Iterator[Item]:
         if time.monotonic() - last_s >= SECONDS_BETWEEN_LINES:
             last_s = time.monotonic()
             print(f"{what}: {done}", file=sys.stderr, flush=True)  # noqa: T201
+
+
+@contextmanager
+def counting(what: str) -> Iterator[Callable[[int], object]]:
+    """Yield a function that is told how many more are done; nobody knows how many there will be."""
+    if sys.stderr.isatty():
+        with tqdm(desc=what, unit="", dynamic_ncols=True) as bar:
+            yield bar.update
+        return
+    done, last_s = 0, time.monotonic()
+
+    def tell(n: int) -> None:
+        nonlocal done, last_s
+        done += n
+        if time.monotonic() - last_s >= SECONDS_BETWEEN_LINES:
+            last_s = time.monotonic()
+            print(f"{what}: {done}", file=sys.stderr, flush=True)  # noqa: T201
+
+    yield tell

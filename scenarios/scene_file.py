@@ -1,4 +1,4 @@
-"""A scene told in as few lines as it takes: a scenario file of what is not the default, under a comment that says why."""
+"""A scene told in as few lines as it takes: a scenario file of what is not the default, and a comment that says why."""
 
 from typing import Any
 

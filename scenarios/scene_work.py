@@ -129,7 +129,16 @@ def _run(spec: EstimatorSpec, clip: SimulatedClip) -> MethodOutcome:
     leaks = tuple(
         _leak_outcome(leak, clip.truth, codes.leaks[leak.id], _assigned(scored, leak)) for leak in clip.truth.leaks
     )
-    return MethodOutcome(spec.text, OK, "", leaks, tuple(codes.estimates.values()), seconds, places_m, margins(answer, clip.truth, scored))
+    return MethodOutcome(
+        spec.text,
+        OK,
+        "",
+        leaks,
+        tuple(codes.estimates.values()),
+        seconds,
+        places_m,
+        margins(answer, clip.truth, scored),
+    )
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,11 @@ def schema(name: str) -> dict[str, Any]:
     """Return the JSON Schema of scenario.toml, a campaign file, a space file, result.json or truth.json."""
     if name == "result":
         return result_schema()
-    models: dict[str, type[BaseModel]] = {"scenario": Scenario, "campaign": Campaign, "space": SpaceFile, "truth": Truth}
+    models: dict[str, type[BaseModel]] = {
+        "scenario": Scenario,
+        "campaign": Campaign,
+        "space": SpaceFile,
+        "truth": Truth,
+    }
     model = models[name]
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **model.model_json_schema()}

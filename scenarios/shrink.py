@@ -1,4 +1,4 @@
-"""Make a failing scene plain: fewer leaks, effects off, round numbers, fewer frames, smaller pictures, the code the same.
+"""Make a failing scene plain: fewer leaks, effects off, round numbers, fewer and smaller frames, the code the same.
 
 Greedy: of all ways to make the scene plainer the first that keeps the outcome code is taken, the boldest being tried
 first, until none does (delta debugging: Zeller and Hildebrandt, IEEE Trans. Software Eng. 28, 2002). Plain is the
@@ -102,7 +102,16 @@ def plainer_scenes(scenario: Scenario) -> Iterator[Scenario]:
         leaks = draw_layout(scenario.layout, scenario.pedestal, scenario.seed)
         yield scenario.model_copy(update={"layout": None, "leak": leaks})
         return
-    steps = (_without_times, _fewer_leaks, _plain_tables, _plain_leaks, _plain_fields, _round_places, _round_numbers, _smaller)
+    steps = (
+        _without_times,
+        _fewer_leaks,
+        _plain_tables,
+        _plain_leaks,
+        _plain_fields,
+        _round_places,
+        _round_numbers,
+        _smaller,
+    )
     for step in steps:
         yield from step(scenario)
 
@@ -199,7 +208,9 @@ def _round_numbers(scenario: Scenario) -> Iterator[Scenario]:
                         yield scenario.model_copy(update={name: table.model_copy(update={field: fewer})})
     for digits in (1, 2):
         for field in ("z_m", "drop_radius_m", "drip_period_s", "drip_jitter"):
-            leaks = [leak.model_copy(update={field: float(f"{getattr(leak, field):.{digits}g}")}) for leak in scenario.leak]
+            leaks = [
+                leak.model_copy(update={field: float(f"{getattr(leak, field):.{digits}g}")}) for leak in scenario.leak
+            ]
             if sum(len(str(getattr(leak, field))) for leak in leaks) < sum(
                 len(str(getattr(leak, field))) for leak in scenario.leak
             ):

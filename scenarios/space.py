@@ -95,7 +95,7 @@ class Space:
     wall_margin_m: float = 0.2
     width_px: int = 480
     height_px: int = 270
-    base: Scenario = Scenario()
+    base: Scenario = field(default_factory=Scenario)
     drip: Mapping[str, Any] = field(default_factory=lambda: PAPER_DRIP)
 
     def labels(self) -> dict[str, str]:

@@ -43,7 +43,9 @@ class SpaceAxisTable(Model):
     low: float
     high: float
     step: float = Field(gt=0.0, description="values are plain + n * step")
-    plain: float | None = Field(None, description="what failures are made plain towards; the base scenario's by default")
+    plain: float | None = Field(
+        None, description="what failures are made plain towards; the base scenario's by default"
+    )
     unit: str = Field("", max_length=20)
     label: str = Field("", max_length=100, description="for people; the key when left out")
 
@@ -76,7 +78,9 @@ def read_space(path_or_name: str | Path) -> Space:
         return strata[name]
     if name not in SPACES.names() and not Path(name).exists():
         known = [*strata, *SPACES.names()]
-        raise SpaceError(f"{name}: no such file, stratum or shipped space{nearest(name, known) or ': ' + ', '.join(known)}")
+        raise SpaceError(
+            f"{name}: no such file, stratum or shipped space{nearest(name, known) or ': ' + ', '.join(known)}"
+        )
     source, text = SPACES.text_of(name)
     content, lines = checked(SPACES.parsed(text, source), source, SPACE_RULES)
     base, wrong = (None, []) if content is None else _base_of(content, source)
@@ -169,9 +173,11 @@ def _mistakes_of_ends(content: SpaceFile, base: Scenario, source: str) -> Iterat
             value = getattr(axis, end)
             if value is None:
                 continue
-            _, lines = checked({name: int(value) if known[axis.key] is int else value}, axis.key, FileRules(model, _none))
+            _, lines = checked(
+                {name: int(value) if known[axis.key] is int else value}, axis.key, FileRules(model, _none)
+            )
             yield from (f"{source}: axis.{i}.{end}: {line.partition(': ')[2]}" for line in lines)
-        if axis.plain is None and (LEAKS_TABLE != table and getattr(getattr(base, table), name) is None):
+        if axis.plain is None and (table != LEAKS_TABLE and getattr(getattr(base, table), name) is None):
             yield f"{source}: axis.{i}.plain: is required, for the base scenario has no {axis.key}"
 
 

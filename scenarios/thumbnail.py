@@ -22,7 +22,9 @@ def thumbnail_png(clip: SimulatedClip, estimate: Estimate | None) -> bytes:
         figure = Figure(figsize=(4.8, 2.0), dpi=100, facecolor="white")
         seen = figure.add_axes((0.0, 0.0, 0.63, 1.0))
         residual = np.abs(clip.left - temporal_median(clip.left).grey).mean(axis=0)
-        seen.imshow(residual, cmap="gray", vmin=0.0, vmax=max(float(np.percentile(residual, 99.5)), 1e-6), aspect="auto")
+        seen.imshow(
+            residual, cmap="gray", vmin=0.0, vmax=max(float(np.percentile(residual, 99.5)), 1e-6), aspect="auto"
+        )
         for leak in clip.truth.leaks:
             _column(seen, leak.left_column_px, TRUTH_COLOUR, "-")
             for shadow_px in leak.shadow_columns_px.left:
