@@ -12,11 +12,13 @@ CLOSE = 0.4
 """Margins above are no slope to go down: scores of more than twice the threshold, errors under half the bound."""
 
 FIRST_STEP = 0.15
-"""Of a range; halved after every step that led up."""
+"""Of a range; halved after every three steps that led up."""
+
+STEPS_OF_A_SIZE = 3
 
 LAST_STEP = 0.02
-N_CANDIDATES = 48
-N_NEAREST = 6
+N_CANDIDATES = 192
+N_NEAREST = 12
 TRIES = 20
 
 
@@ -72,13 +74,13 @@ def observable_of(tried: Tried, n_trials: int) -> np.ndarray:
 def downhill(known: Known, n_moves: int, *, rng: np.random.Generator) -> list[Move]:
     """Return steps from the scenes that are right by the smallest margins, one a scene, with the same draws.
 
-    The step from a scene is halved with every child that was not worse than it; at the end of that it is left alone.
+    The step from a scene is halved after every three children that were no worse than it; at the end it is left alone.
     A child that is worse, or wrong, has margins of its own to go on from.
     """
     right = [one for one in known.tried if 0.0 <= one.run.margins.least < CLOSE]
     moves: list[Move] = []
     for parent in sorted(right, key=lambda one: (one.run.margins.least, one.number)):
-        step = FIRST_STEP * 0.5 ** known.vain_steps.get(parent.move, 0)
+        step = FIRST_STEP * 0.5 ** (known.vain_steps.get(parent.move, 0) // STEPS_OF_A_SIZE)
         if step < LAST_STEP:
             continue
         move = _stepped(known.space, parent.move, step, rng=rng)
