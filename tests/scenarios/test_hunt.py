@@ -90,7 +90,9 @@ def test_trials_that_fill_most_gaps_leave_no_half_of_any_pair_of_parameters_empt
         trials = best if seen.gain(best)[0] == 0.0 else None
         assert trials is not None  # what has been tried fills nothing any more
     whole = seen.copy()
-    quarters = np.array([[0.25, 0.25, 0.5, 0.5], [0.75, 0.25, 0.5, 0.5], [0.25, 0.75, 0.5, 0.5], [0.75, 0.75, 0.5, 0.5]])
+    quarters = np.array(
+        [[0.25, 0.25, 0.5, 0.5], [0.75, 0.25, 0.5, 0.5], [0.25, 0.75, 0.5, 0.5], [0.75, 0.75, 0.5, 0.5]]
+    )
     assert whole.gain(quarters).max() < seen.gain(quarters).max() + 1e-9
 
 

@@ -53,7 +53,9 @@ def test_severities_can_be_put_in_order_and_shown():
 @pytest.mark.skipif(importlib.util.find_spec("mypy") is None, reason="mypy is in the extra `lint`")
 def test_the_type_checker_refuses_hunted_data(tmp_path):
     code = "from scenarios.hunted import Counterexample\nfrom scenarios.statistics import clopper_pearson\n"
-    (tmp_path / "rate.py").write_text(f"{code}def rate(c: Counterexample) -> object:\n    return clopper_pearson(c, 9)\n")
+    (tmp_path / "rate.py").write_text(
+        f"{code}def rate(c: Counterexample) -> object:\n    return clopper_pearson(c, 9)\n"
+    )
     done = subprocess.run(
         [sys.executable, "-m", "mypy", "--config-file", "", "--ignore-missing-imports", str(tmp_path / "rate.py")],
         cwd=Path(__file__).parents[2],
