@@ -32,6 +32,7 @@ from scenarios.space_point import n_shares, scenario_of  # noqa: E402
 
 NEVER = 10**6
 CODE = "missed.unexplained"
+MOST_FIELDS = 3
 
 
 def hunted_without_rendering(planted, seed, budget):
@@ -81,30 +82,39 @@ def _scenes(count):
 
 
 def rendered(budget_s, n_workers, seed):
+    """Hunt each failure until it is met; returns how many were met, shrunk to three fields at most, and replayed."""
     print(f"rendered, the robust method made blind, {n_workers} workers, at most {budget_s:g} s each, seed {seed}")
     print(f"{'planted':<58} {'scenes':>7} {'s':>5} {'fields':>6} {'replays':>7}  shrunk to")
-    most, n_met = 0, 0
+    shown, most = [], 0
     with lanes_of(local_workers(n_workers)) as lanes:
         for number, planted in enumerate(PLANTED):
             spec = EstimatorSpec("callable", f"planted_failures:planted_{number}")
-            start_s, met = time.monotonic(), None
-            for tried in hunt(Quarry(space(), spec, seed), on_lanes(lanes)):
-                met = next((one for one in tried if is_met(planted, one.scenario, one.run)), None)
-                if met is not None or time.monotonic() - start_s > budget_s:
-                    break
-            took_s = time.monotonic() - start_s
-            if met is None:
+            found, n_scenes, took_s = _hunted(Quarry(space(), spec, seed), planted, lanes, budget_s)
+            most = max(most, n_scenes)
+            if found is None:
                 print(f"{planted.words:<58} {'-':>7} {took_s:5.0f}", flush=True)
-                most = max(most, tried[-1].number + 1)
                 continue
-            most, n_met = max(most, met.number + 1), n_met + 1
-            *_, plain = shrink(met.scenario, CODE, codes_of(spec))
+            *_, plain = shrink(found.scenario, CODE, codes_of(spec))
             fields = conditions(plain.scenario)
-            same = _replays(plain.scenario, spec)
-            cells = f"{met.number + 1:>7} {took_s:5.0f} {len(fields):>6} {'yes' if same else 'NO':>7}"
+            shown.append((len(fields) <= MOST_FIELDS, _replays(plain.scenario, spec)))
+            cells = f"{n_scenes:>7} {took_s:5.0f} {len(fields):>6} {'yes' if shown[-1][1] else 'NO':>7}"
             print(f"{planted.words:<58} {cells}  {', '.join(fields) or '(plain)'}", flush=True)
-        print(f"hunt: {n_met} of {len(PLANTED)} met, each within {most} scenes")
+        print(f"hunt: {len(shown)} of {len(PLANTED)} met, each within {most} scenes")
         print(f"random: {_rendered_at_random(lanes, most, seed)} of {len(PLANTED)} met in {most} scenes", flush=True)
+    return len(shown), sum(few for few, _ in shown), sum(same for _, same in shown)
+
+
+def _hunted(quarry, planted, lanes, budget_s):
+    """Return the first scene that meets a planted failure (None without), how many it took, and seconds."""
+    start_s = time.monotonic()
+    for tried in hunt(quarry, on_lanes(lanes)):
+        took_s = time.monotonic() - start_s
+        met = next((one for one in tried if is_met(planted, one.scenario, one.run)), None)
+        if met is not None:
+            return met, met.number + 1, took_s
+        if took_s > budget_s:
+            return None, tried[-1].number + 1, took_s
+    raise AssertionError("unreachable: hunts have no end")
 
 
 def _rendered_at_random(lanes, n_scenes, seed):

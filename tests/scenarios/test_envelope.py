@@ -1,5 +1,6 @@
 """envelope: boxes are chosen on some clips and shown on others, and what is shown is true in 95 % of cases."""
 
+import itertools
 import json
 
 import numpy as np
@@ -84,7 +85,7 @@ def test_boxes_are_nested_from_the_smallest_to_the_largest():
     rng = np.random.default_rng(0)
     values = rng.integers(0, 10, (200, 3))
     boxes = nested_boxes([10, 10, 10], values, rng.random(200) > 0.5 * (values[:, 0] > 6))
-    for small, large in zip(boxes, boxes[1:], strict=False):
+    for small, large in itertools.pairwise(boxes):
         assert all(a >= b for a, b in zip(small.first, large.first, strict=True))
         assert all(a <= b for a, b in zip(small.last, large.last, strict=True))
 
