@@ -17,7 +17,7 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "scenarios")]
 
-from planted_failures import PLANTED, is_met, space, stand_in  # noqa: E402
+from planted_failures import PLANTED, is_met, situation_of, space, stand_in  # noqa: E402
 
 from scenarios.draws import seed_of_clip  # noqa: E402
 from scenarios.estimators import EstimatorSpec  # noqa: E402
@@ -94,7 +94,7 @@ def rendered(budget_s, n_workers, seed):
             if found is None:
                 print(f"{planted.words:<58} {'-':>7} {took_s:5.0f}", flush=True)
                 continue
-            *_, plain = shrink(found.scenario, CODE, codes_of(spec))
+            *_, plain = shrink(found.scenario, CODE, codes_of(spec), _leak_met(planted, found))
             fields = conditions(plain.scenario)
             shown.append((len(fields) <= MOST_FIELDS, _replays(plain.scenario, spec)))
             cells = f"{n_scenes:>7} {took_s:5.0f} {len(fields):>6} {'yes' if shown[-1][1] else 'NO':>7}"
@@ -102,6 +102,12 @@ def rendered(budget_s, n_workers, seed):
         print(f"hunt: {len(shown)} of {len(PLANTED)} met, each within {most} scenes")
         print(f"random: {_rendered_at_random(lanes, most, seed)} of {len(PLANTED)} met in {most} scenes", flush=True)
     return len(shown), sum(few for few, _ in shown), sum(same for _, same in shown)
+
+
+def _leak_met(planted, found):
+    scene = found.scenario
+    missed = [leak.leak for leak in found.run.leaks if leak.observable and leak.code != "found"]
+    return next(i for i in missed if planted.is_blind(situation_of(scene, scene.leak[i].x_m, scene.leak[i].y_m)))
 
 
 def _hunted(quarry, planted, lanes, budget_s):

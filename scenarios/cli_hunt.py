@@ -126,8 +126,9 @@ def shrink(  # noqa: PLR0913  one argument per option
     SCENARIO may also be a scene of the bench: nominal:7. Writes scene.toml of at most 20 lines where the scene allows,
     thumbnail.png and explain.txt.
     """
+    from scenarios.failures import failures
     from scenarios.progress import told_as_it_goes
-    from scenarios.shrink import codes_of
+    from scenarios.shrink import codes_of, run_of
     from scenarios.shrink import shrink as shrunk_of
     from scenarios.shrunk_folder import write_shrunk
 
@@ -135,7 +136,9 @@ def shrink(  # noqa: PLR0913  one argument per option
     (check_replaceable if force else check_new)(destination)
     check_same_kind(destination, "shrunk.json")
     with (replacing if force else creating)(destination) as folder:
-        *_, last = told_as_it_goes(shrunk_of(whole, code, codes_of(spec)), "shrinking")
+        befell = [failure for failure in failures(run_of(whole, spec)) if code in (None, failure.code)]
+        leak = befell[0].leak if befell else None
+        *_, last = told_as_it_goes(shrunk_of(whole, code, codes_of(spec), leak), "shrinking")
         shown = write_shrunk(folder, last, spec)
     click.echo(shown.toml)
     click.echo(shown.why)

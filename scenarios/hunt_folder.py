@@ -63,7 +63,7 @@ def write_hunt(folder: Path, hunted: Hunt, entries: list[Entry]) -> None:
 
 def _shrunk(found: Counterexample, quarry: Quarry) -> Scenario | None:
     try:
-        *_, last = shrink(found.scenario, found.code, codes_of(quarry.estimator))
+        *_, last = shrink(found.scenario, found.code, codes_of(quarry.estimator), found.leak)
     except NothingFailsError:  # an estimator whose answers change from run to run
         return None
     return last.scenario

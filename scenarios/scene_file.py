@@ -8,8 +8,9 @@ from scenarios.scenario_file import read_scenario
 from scenarios.scenario_toml import inline_toml
 
 MAX_LINES = 20
-PICTURE = ("rig.width_px", "rig.height_px", "recording.n_frames")
-"""What a scene is made small by: it costs time, and is no condition of a failure unless it cannot be otherwise."""
+PICTURES_PX = ((320, 180), (480, 270), (640, 360), (960, 540))
+FRAMES = (6, 8, 12, 18, 24)
+"""Sizes that scenes are made small to: they cost time, and are no condition of a failure. Other sizes may be one."""
 
 
 def scene_toml(scenario: Scenario, comments: tuple[str, ...]) -> str:
@@ -51,8 +52,11 @@ def _is_table(value: Any) -> bool:
 
 
 def conditions(scenario: Scenario) -> list[str]:
-    """Return what a scene has that `plain` has not, each `key=value`; the size of its pictures and clip left out."""
-    return [told for told in _told(scenario) if told.partition("=")[0] not in PICTURE]
+    """Return what a scene has that `plain` has not, each `key=value`; usual sizes of pictures and clips left out."""
+    usual = {"recording.n_frames"} if scenario.recording.n_frames in FRAMES else set()
+    if (scenario.rig.width_px, scenario.rig.height_px) in PICTURES_PX:
+        usual |= {"rig.width_px", "rig.height_px"}
+    return [told for told in _told(scenario) if told.partition("=")[0] not in usual]
 
 
 def _told(scenario: Scenario) -> list[str]:

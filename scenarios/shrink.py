@@ -5,6 +5,7 @@ first, until none does (delta debugging: Zeller and Hildebrandt, IEEE Trans. Sof
 shipped scenario `plain`, from which failing scenes are told as differences.
 """
 
+import itertools
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -18,11 +19,9 @@ from scenarios.replay import PLAIN
 from scenarios.rules import violations
 from scenarios.scenario import LeakTable, Scenario
 from scenarios.scenario_file import read_scenario
-from scenarios.scene_file import conditions, scene_toml
+from scenarios.scene_file import FRAMES, PICTURES_PX, conditions, scene_toml
 from scenarios.scene_work import MethodOutcome, SceneWork, outcome_of
 
-PICTURES_PX = ((320, 180), (480, 270), (640, 360))
-FRAMES = (6, 8, 12, 18, 24)
 PLACES_M = (1.0, 0.5, 0.25, 0.1, 0.05, 0.02)
 """Grids that a leak is put on, the coarsest first."""
 
@@ -50,8 +49,11 @@ class Shrunk:
     n_tried: int
 
 
-def shrink(scenario: Scenario, code: str | None, codes: Codes) -> Iterator[Shrunk]:
+def shrink(scenario: Scenario, code: str | None, codes: Codes, leak: int | None = None) -> Iterator[Shrunk]:
     """Yield ever plainer scenes with the same failure code: the scene's own first, the plainest last.
+
+    `leak` is the one that the failure befell, where that is known: it is the first to be left alone, lest the failure
+    of another leak with the same code take its place.
 
     `code` None is the first, in alphabetical order, of the scene's own; missed and bad leaks before false ones. Raises
     NothingFailsError when the scene has no failure, or not that one.
@@ -75,7 +77,8 @@ def shrink(scenario: Scenario, code: str | None, codes: Codes) -> Iterator[Shrun
     now = scenario.model_copy(update={"name": "", "description": ""})
     yield Shrunk(now, wanted_code, 1)
     while len(known) < MAX_TRIED:
-        candidates = (one for one in plainer_scenes(now) if complexity(one) < complexity(now))
+        everything = itertools.chain(_alone(now, leak), plainer_scenes(now))
+        candidates = (one for one in everything if complexity(one) < complexity(now))
         plainer = next((one for one in candidates if len(known) < MAX_TRIED and fails(one)), None)
         if plainer is None:
             return
@@ -128,6 +131,12 @@ def plainer_scenes(scenario: Scenario) -> Iterator[Scenario]:
     )
     for step in steps:
         yield from step(scenario)
+
+
+def _alone(scenario: Scenario, leak: int | None) -> Iterator[Scenario]:
+    """One leak alone, as long as no other is gone."""
+    if leak is not None and scenario.layout is None and leak < len(scenario.leak):
+        yield _with_leaks(scenario, [scenario.leak[leak]])
 
 
 def _without_times(scenario: Scenario) -> Iterator[Scenario]:

@@ -59,6 +59,18 @@ def test_a_failure_that_takes_two_leaks_keeps_two_as_far_apart_as_they_were():
     assert least_distance_m(shrunk) >= min(0.4, least_distance_m(resolved(busy)))
 
 
+def test_the_leak_that_a_failure_befell_is_not_replaced_by_another_with_the_same_code():
+    both = resolved(scene_of("nominal", 6, 0))
+    codes = {leak.x_m: {MISSED} for leak in both.leak}
+
+    def fails(scenario):
+        return {MISSED} if any(leak.x_m in codes for leak in scenario.leak) else set()
+
+    for leak in range(len(both.leak)):
+        *_, shrunk = shrink(both, MISSED, fails, leak)
+        assert [one.x_m for one in shrunk.scenario.leak] == [both.leak[leak].x_m]
+
+
 def test_every_step_is_plainer_than_the_last_and_none_goes_in_circles():
     rng = np.random.default_rng(0)
     steps = [
@@ -100,7 +112,8 @@ def test_a_scene_file_reads_back_to_its_scene_in_at_most_20_lines(place):
 
 def test_conditions_are_what_differs_from_the_plain_scene_but_for_its_size():
     plain = read_scenario("plain")
-    assert conditions(at(plain, rig={"width_px": 96}, recording={"n_frames": 5})) == []
+    assert conditions(at(plain, rig={"width_px": 320, "height_px": 180}, recording={"n_frames": 6})) == []
+    assert conditions(at(plain, recording={"n_frames": 13})) == ["recording.n_frames=13"]
     moved = plain.model_copy(update={"leak": (plain.leak[0].model_copy(update={"x_m": 1.5}),)})
     assert conditions(moved) == ["leak.0.x_m=1.5"]
     told = plain.model_copy(update={"lamp": (LampTable(radius_m=0.2),), "believed_rig": BelievedRigTable(yaw_deg=1.0)})
