@@ -71,7 +71,8 @@ def over_seeds(n_seeds, budget):
             ]
         )
         totals += counts <= budget
-        cells = [f"{_scenes(np.quantile(row, 0.5, method="higher")):>7} {np.sum(row <= budget):>3}/{n_seeds}" for row in counts]
+        medians = [_scenes(np.quantile(row, 0.5, method="higher")) for row in counts]
+        cells = [f"{m:>7} {np.sum(row <= budget):>3}/{n_seeds}" for m, row in zip(medians, counts, strict=True)]
         print(f"{planted.words:<58} {planted.share:6.1%} {cells[0]:>14} {cells[1]:>14}", flush=True)
     for name, row in zip(("hunt", "random"), totals, strict=True):
         print(f"{name}: of ten, {row.mean():.1f} on average, {row.min()} to {row.max()} over seeds")

@@ -7,6 +7,7 @@ from scenarios.hunted import Cell
 from scenarios.projections import Projections
 from scenarios.space import Space
 from scenarios.space_point import n_shares, n_values, parameters, places, scenario_of, trials_of
+from scenarios.visibility import Visibility
 
 CLOSE = 0.4
 """Margins above are no slope to go down: scores of more than twice the threshold, errors under half the bound."""
@@ -17,8 +18,7 @@ FIRST_STEP = 0.15
 STEPS_OF_A_SIZE = 3
 
 LAST_STEP = 0.02
-N_CANDIDATES = 192
-N_NEAREST = 12
+N_CANDIDATES = 400
 TRIES = 20
 
 
@@ -34,8 +34,7 @@ class Known:
         self.vain_steps: dict[Move, int] = {}
         self.carried: set[tuple[str, int, Cell]] = set()
         self.seen = Projections(n_values(space))
-        self.leaks = np.zeros((0, len(parameters(space))))
-        self.observable = np.zeros(0, dtype=bool)
+        self.visibility = Visibility()
 
     def add(self, tried: Tried) -> None:
         """Take in a scene. Only what an observable leak has tried counts as tried: an estimator may miss the others."""
@@ -43,8 +42,7 @@ class Known:
         observable = observable_of(tried, len(trials))
         self.tried.append(tried)
         self.seen.add(trials[observable])
-        self.leaks = np.concatenate([self.leaks, trials])
-        self.observable = np.concatenate([self.observable, observable])
+        self.visibility.add(trials, observable)
         self.atlas.add(tried)
         if tried.move in self.parents:
             parent = self.parents[tried.move]
@@ -52,14 +50,6 @@ class Known:
             vain = self.vain_steps.get(parent.move, 0)
             # downhill from the child from now on; a parent is come back to only when its children lead nowhere
             self.vain_steps[parent.move] = vain + (0 if went_down else 1)
-
-    def chance_observable(self, trials: np.ndarray) -> np.ndarray:
-        """Chance of trials (n, parameters) to be of an observable leak: that of the nearest so far, and one more."""
-        if len(self.leaks) == 0:
-            return np.ones(len(trials))
-        apart = ((trials[:, None] - self.leaks[None]) ** 2).sum(axis=2)
-        nearest = np.argsort(apart, axis=1, kind="stable")[:, :N_NEAREST]
-        return (self.observable[nearest].sum(axis=1) + 1.0) / (nearest.shape[1] + 1.0)
 
 
 def observable_of(tried: Tried, n_trials: int) -> np.ndarray:
@@ -116,8 +106,7 @@ def spreading(known: Known, n_moves: int, *, rng: np.random.Generator) -> list[M
 def filling(known: Known, seeds: list[int], *, rng: np.random.Generator) -> list[Move]:
     """Return a new scene a seed, each the one of some random candidates that promises to fill most gaps.
 
-    What a leak would fill counts by its chance to be observable, as its nearest neighbours were: where nothing can be
-    seen nothing is tried.
+    What a leak would fill counts by its chance to be observable: where nothing can be seen nothing is tried.
     """
     space = known.space
     seen = known.seen.copy()
@@ -126,7 +115,7 @@ def filling(known: Known, seeds: list[int], *, rng: np.random.Generator) -> list
         candidates = [tuple(map(float, rng.random(n_shares(space)))) for _ in range(N_CANDIDATES)]
         trials = [trials_of(space, shares) for shares in candidates]
         rows = np.concatenate(trials)
-        chance = known.chance_observable(rows)
+        chance = known.visibility.chance(rows)
         owner = np.repeat(np.arange(len(trials)), [len(part) for part in trials])
         promise = np.bincount(owner, weights=chance * seen.gain(rows))
         for best in np.argsort(-promise, kind="stable"):
