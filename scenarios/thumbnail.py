@@ -2,6 +2,7 @@
 
 import io
 
+import cv2
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
@@ -11,6 +12,9 @@ from leakloc import Estimate
 from leakloc.background import temporal_median
 from scenarios.figures import ESTIMATE_COLOUR, QUIET_COLOUR, STYLE, TRUTH_COLOUR
 from scenarios.simulate import SimulatedClip
+
+COARSE_PX = (150, 50)
+"""Columns and rows of the residual that is shown."""
 
 
 def thumbnail_png(clip: SimulatedClip, estimate: Estimate | None) -> bytes:
@@ -22,16 +26,18 @@ def thumbnail_png(clip: SimulatedClip, estimate: Estimate | None) -> bytes:
         figure = Figure(figsize=(4.8, 2.0), dpi=100, facecolor="white")
         seen = figure.add_axes((0.0, 0.0, 0.63, 1.0))
         residual = np.abs(clip.left - temporal_median(clip.left).grey).mean(axis=0)
-        seen.imshow(
-            residual, cmap="gray", vmin=0.0, vmax=max(float(np.percentile(residual, 99.5)), 1e-6), aspect="auto"
-        )
+        height, width = residual.shape
+        coarse = cv2.resize(residual, COARSE_PX, interpolation=cv2.INTER_AREA)  # streaks stand out, and PNGs stay small
+        bright = max(float(np.percentile(coarse, 99.8)), 1e-6)
+        extent = (-0.5, width - 0.5, height - 0.5, -0.5)
+        seen.imshow(coarse, cmap="gray", vmin=0.0, vmax=bright, aspect="auto", extent=extent, interpolation="nearest")
         for leak in clip.truth.leaks:
             _column(seen, leak.left_column_px, TRUTH_COLOUR, "-")
             for shadow_px in leak.shadow_columns_px.left:
                 _column(seen, shadow_px, QUIET_COLOUR, ":")
         for told in estimate.leaks if estimate else ():
             _column(seen, told.left_column_px, ESTIMATE_COLOUR, "--")
-        seen.set_xlim(-0.5, residual.shape[1] - 0.5)
+        seen.set_xlim(-0.5, width - 0.5)
         seen.axis("off")
         _draw_map(figure.add_axes((0.64, 0.0, 0.36, 1.0), aspect="equal"), clip, estimate)
         picture = io.BytesIO()
