@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
-from planted_failures import PLANTED, is_met, space, stand_in
+from planted_failures import PLANTED, Planted, is_met, space, stand_in
 
 from scenarios.atlas import THIRDS, Atlas, cells_of
 from scenarios.cli import main
@@ -25,6 +25,7 @@ from scenarios.space_point import n_shares, scenario_of
 
 ROBUST = EstimatorSpec("method", "robust")
 BUDGET = 100
+NO_BLINDNESS = Planted("nowhere", 0.0, lambda _: False)
 
 
 def scenes_until_met(planted, seed):
@@ -37,15 +38,24 @@ def scenes_until_met(planted, seed):
 
 
 @pytest.mark.statistical
-def test_a_hundred_scenes_meet_most_of_ten_planted_failures_and_a_random_hundred_far_fewer(harness_seed):
+def test_a_hundred_scenes_meet_most_of_ten_planted_failures(harness_seed):
+    # 9.2 on average over seeds, 8 to 10; of a random hundred 7.6: benchmarks/hunt_planted.py
+    assert sum(scenes_until_met(planted, harness_seed) is not None for planted in PLANTED) >= 6
+
+
+@pytest.mark.statistical
+def test_a_hunt_looks_where_leaks_can_be_seen(harness_seed):
     where, rng = space(), np.random.default_rng(harness_seed)
     drawn = (scenario_of(where, rng.random(n_shares(where)), seed_of_clip(harness_seed, i)) for i in range(BUDGET))
-    scenes = [scene for scene in drawn if scene is not None]
-    at_random = sum(any(is_met(p, scene, stand_in(p, scene)) for scene in scenes) for p in PLANTED)
-    hunted = sum(scenes_until_met(planted, harness_seed) is not None for planted in PLANTED)
-    print(hunted, at_random)  # noqa: T201
-    assert hunted >= 7  # 9 on average over seeds: benchmarks/hunt_planted.py
-    assert hunted > at_random
+    at_random = [stand_in(NO_BLINDNESS, scene).leaks for scene in drawn if scene is not None]
+    rounds = hunt(
+        Quarry(where, ROBUST, harness_seed),
+        lambda works: [stand_in(NO_BLINDNESS, work.scenario) for work in works],
+        BUDGET,
+    )
+    filling = [one.run.leaks for tried in rounds for one in tried if one.move.origin == "filling"]
+    shares = [np.mean([leak.observable for leaks in scenes for leak in leaks]) for scenes in (filling, at_random)]
+    assert shares[0] > shares[1] + 0.2  # some 0.83 and 0.41
 
 
 def test_a_hunt_follows_from_its_seed():
