@@ -84,8 +84,8 @@ class Axis:
 class Space:
     """Axes with their ranges, and the leaks: how many, how far apart, how far from the wall, and how they drip.
 
-    What no axis sets is that of `base`, whose own leaks stand where `max_leaks` is 0. Axes of the table `layout` set
-    how every leak drips.
+    What no axis sets is that of `base` (the defaults where it is None), whose leaks stand where `max_leaks` is 0. Axes
+    of the table `layout` set how every leak drips.
     """
 
     name: str
@@ -95,8 +95,13 @@ class Space:
     wall_margin_m: float = 0.2
     width_px: int = 480
     height_px: int = 270
-    base: Scenario = field(default_factory=Scenario)
+    base: Scenario | None = None
     drip: Mapping[str, Any] = field(default_factory=lambda: PAPER_DRIP)
+
+    @property
+    def base_scenario(self) -> Scenario:
+        """What no axis sets; not made before it is asked for, for no process of an estimator holds a scenario."""
+        return self.base or Scenario()
 
     def labels(self) -> dict[str, str]:
         """Axis labels by key, with unit."""
@@ -212,10 +217,9 @@ def scenario_at(space: Space, values: Mapping[str, float], seed: int) -> Scenari
         if table != LEAKS_TABLE:
             whole = Scenario.model_fields[table].annotation.model_fields[name].annotation is int  # type: ignore[union-attr]
             tables.setdefault(table, {})[name] = int(value) if whole else value
-    changed = {
-        name: type(was).model_validate({**dict(was), **tables[name]}) for name, was in space.base if name in tables
-    }
-    return space.base.model_copy(update={"name": space.name, "seed": seed, **changed})
+    base = space.base_scenario
+    changed = {name: type(was).model_validate({**dict(was), **tables[name]}) for name, was in base if name in tables}
+    return base.model_copy(update={"name": space.name, "seed": seed, **changed})
 
 
 def drip_at(space: Space, values: Mapping[str, float]) -> dict[str, Any]:

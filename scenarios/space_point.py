@@ -40,7 +40,7 @@ def places(space: Space, shares: Sequence[float]) -> list[Place]:
     """Places of a point's leaks, uniform in the half disc x >= 0 when shares are; to the centimetre."""
     if space.max_leaks == 0:
         return []
-    reach_m = space.base.pedestal.radius_m - space.wall_margin_m
+    reach_m = space.base_scenario.pedestal.radius_m - space.wall_margin_m
     kept: list[Place] = []
     for leak in range(n_leaks(space, shares)):
         along, around = _place_shares(space, shares, leak)
