@@ -11,6 +11,7 @@ import click
 from scenarios.cli_bench import bench, explain
 from scenarios.cli_campaign import campaign
 from scenarios.cli_export import export
+from scenarios.cli_hunt import envelope, hunt, shrink
 from scenarios.cli_locate import inspect, locate
 from scenarios.cli_options import FILE, FOLDER, SEED, FiniteRange, clear_errors, scenario_options
 from scenarios.cli_reproduce import reproduce
@@ -20,7 +21,7 @@ from scenarios.scenario import Scenario
 from scenarios.scenario_file import library_names, read_scenario
 from scenarios.truth import read_truth
 
-SCHEMAS = ("scenario", "campaign", "result", "truth")
+SCHEMAS = ("scenario", "campaign", "space", "result", "truth")
 
 
 @click.group(
@@ -171,8 +172,11 @@ def _summary(scenario: Scenario, source: str) -> str:
 
 main.add_command(bench)
 main.add_command(campaign)
+main.add_command(envelope)
 main.add_command(explain)
 main.add_command(export)
+main.add_command(hunt)
 main.add_command(inspect)
 main.add_command(locate)
 main.add_command(reproduce)
+main.add_command(shrink)

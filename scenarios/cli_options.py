@@ -47,13 +47,16 @@ def clear_errors(command: Callable[..., Any]) -> Callable[..., Any]:
         from leakloc import ClipError, ResultError, RigError
         from scenarios.campaign_file import CampaignError
         from scenarios.cli_bench import BaselineError
+        from scenarios.envelope import NoTrialsError
         from scenarios.estimators import EstimatorError
         from scenarios.irradiate import FramesError
+        from scenarios.shrink import NothingFailsError
+        from scenarios.space_file import SpaceError
         from scenarios.store_identity import StoreError
         from scenarios.workers import WorkerError
 
         foreign = (ClipError, RigError, ResultError, FramesError, EstimatorError, BaselineError, WorkerError)
-        studies = (CampaignError, StoreError)
+        studies = (CampaignError, StoreError, SpaceError, NothingFailsError, NoTrialsError)
         try:
             return command(*args, **options)
         except (*INPUT_ERRORS, *foreign, *studies) as error:

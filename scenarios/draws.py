@@ -11,6 +11,8 @@ class Stream(IntEnum):
     LAYOUT = 1
     DRIPS = 2
     CLIP_SEED = 3
+    HUNT = 4
+    ENVELOPE = 5
 
 
 def rng_for(seed: int, stream: Stream, *place: int) -> np.random.Generator:

@@ -9,6 +9,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, ProcessPoolExecutor, wait
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 from scenarios.scene_work import SceneOutcome, SceneWork, broken_scene, run_scene
@@ -124,35 +125,58 @@ class Lane:
         return work
 
 
-def scenes_done(kind: Kind, groups: Sequence[Sequence[SceneWork]]) -> Iterator[SceneOutcome]:
-    """Yield the outcome of every scene as it is done. A scene is tried again when its worker dies, once.
+class Lanes:
+    """The lanes of a kind of workers, which start when they are first needed and stay until they are stopped."""
 
-    Raises WorkerError when workers cannot work at all.
-    """
-    lanes = [Lane(new_executor, kind.deaths) for new_executor in kind.lanes]
-    shares = Shares(groups, len(lanes))
-    running: dict[Future[SceneOutcome], int] = {}
+    def __init__(self, kind: Kind) -> None:
+        """Start no worker yet."""
+        self._lanes = [Lane(new_executor, kind.deaths) for new_executor in kind.lanes]
 
-    def go_on(number: int, work: SceneWork | None) -> None:
-        if work is not None:
-            running[lanes[number].begin(work)] = number
+    def done(self, groups: Sequence[Sequence[SceneWork]]) -> Iterator[SceneOutcome]:
+        """Yield the outcome of every scene as it is done. A scene is tried again when its worker dies, once.
 
-    try:
-        for number in range(len(lanes)):
+        Raises WorkerError when workers cannot work at all.
+        """
+        shares = Shares(groups, len(self._lanes))
+        running: dict[Future[SceneOutcome], int] = {}
+
+        def go_on(number: int, work: SceneWork | None) -> None:
+            if work is not None:
+                running[self._lanes[number].begin(work)] = number
+
+        for number in range(len(self._lanes)):
             go_on(number, shares.next_of(number))
         while running:
             done, _ = wait(running, return_when=FIRST_COMPLETED)
             for future in done:
                 number = running.pop(future)
-                result = lanes[number].result(future)
+                result = self._lanes[number].result(future)
                 if isinstance(result, SceneWork):
                     go_on(number, result)
                 else:
                     go_on(number, shares.next_of(number))  # before the result is written, which takes a while
                     yield result
-    finally:
-        for lane in lanes:
+
+    def stop(self) -> None:
+        """Let all workers go."""
+        for lane in self._lanes:
             lane.stop()
+
+
+@contextmanager
+def lanes_of(kind: Kind) -> Iterator[Lanes]:
+    """Yield lanes for several lots of work, one after the other; they are stopped when the block ends."""
+    lanes = Lanes(kind)
+    try:
+        yield lanes
+    finally:
+        lanes.stop()
+
+
+def scenes_done(kind: Kind, groups: Sequence[Sequence[SceneWork]]) -> Iterator[SceneOutcome]:
+    """Yield the outcome of every scene as it is done, on lanes of its own; raises WorkerError like `Lanes.done`."""
+    with lanes_of(kind) as lanes:
+        yield from lanes.done(groups)
 
 
 def grouped(works: Sequence[SceneWork], static_part: Callable[[SceneWork], Hashable]) -> list[list[SceneWork]]:

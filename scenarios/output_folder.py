@@ -12,7 +12,10 @@ from typing import Any
 
 from leakloc.outside_file import read_json
 
-MARKERS = ("clip.json", "dataset.json", "demo.json", "noise.json", "export.json", "tables.json")
+MARKERS = (
+    *("clip.json", "dataset.json", "demo.json", "noise.json", "export.json", "tables.json"),
+    *("hunt.json", "shrunk.json", "envelope.json"),
+)
 """A folder that the tool made holds one of these, with a key "made_by"."""
 
 MAX_MARKER_BYTES = 6_000_000

@@ -41,3 +41,35 @@ def stages(what: str, n_stages: int) -> Iterator[Callable[[str], None]]:
             bar.update(1)
 
         yield begin
+
+
+def told_as_it_goes(items: Iterable[Item], what: str) -> Iterator[Item]:
+    """Yield items whose number nobody knows before, showing how many there were."""
+    if sys.stderr.isatty():
+        yield from tqdm(items, desc=what, unit="", dynamic_ncols=True)
+        return
+    last_s = time.monotonic()
+    for done, item in enumerate(items, 1):
+        yield item
+        if time.monotonic() - last_s >= SECONDS_BETWEEN_LINES:
+            last_s = time.monotonic()
+            print(f"{what}: {done}", file=sys.stderr, flush=True)  # noqa: T201
+
+
+@contextmanager
+def counting(what: str) -> Iterator[Callable[[int], object]]:
+    """Yield a function that is told how many more are done; nobody knows how many there will be."""
+    if sys.stderr.isatty():
+        with tqdm(desc=what, unit="", dynamic_ncols=True) as bar:
+            yield bar.update
+        return
+    done, last_s = 0, time.monotonic()
+
+    def tell(n: int) -> None:
+        nonlocal done, last_s
+        done += n
+        if time.monotonic() - last_s >= SECONDS_BETWEEN_LINES:
+            last_s = time.monotonic()
+            print(f"{what}: {done}", file=sys.stderr, flush=True)  # noqa: T201
+
+    yield tell

@@ -8,7 +8,7 @@ from scenarios.scenario_file import read_scenario
 from scenarios.scenario_toml import inline_toml
 
 PLAIN = "plain"
-NOT_TOLD = {"name", "description", "seed"}
+NOT_TOLD = {"name", "description", "seed", "regression"}
 
 
 def overrides(scenario: Scenario) -> list[str]:

@@ -211,8 +211,19 @@ class LayoutTable(Drip):
     wall_margin_m: float = Field(0.2, ge=0.0, le=10.0, description="least distance of a leak from the wall")
 
 
+class RegressionTable(Model):
+    """What is expected of a kept counterexample; no clip depends on it."""
+
+    method: Literal["paper", "robust"]
+    code: str = Field(min_length=1, max_length=100, description="outcome code of the failure, say missed.unexplained")
+    status: Literal["open", "fixed", "accepted-limit"] = Field(
+        description="open, accepted-limit: must fail with that code; fixed: nothing may be wrong"
+    )
+    note: str = Field("", max_length=500, description="what is behind it")
+
+
 class Scenario(Model):
-    """One situation: everything that a clip depends on."""
+    """One situation: everything that a clip depends on, and what is expected where that is a kept counterexample."""
 
     name: str = Field("", max_length=100)
     description: str = Field("", max_length=2000)
@@ -232,3 +243,4 @@ class Scenario(Model):
     structure: Annotated[tuple[StructureTable, ...], list_of_at_most(MAX_STRUCTURES)] = Field(
         (), max_length=MAX_STRUCTURES
     )
+    regression: RegressionTable | None = Field(None, description="of a counterexample that the tests replay")

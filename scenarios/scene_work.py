@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from scenarios.bench import metres_per_px
 from scenarios.estimators import Answer, Broken, EstimatorError, EstimatorSpec, run_estimator
+from scenarios.margins import BROKEN_DOWN, Margins, margins
 from scenarios.outcome import outcomes
 from scenarios.scenario import Scenario
 from scenarios.score import Score, score
@@ -63,6 +64,8 @@ class MethodOutcome:
     false_codes: tuple[str, ...] = ()
     seconds: float = math.nan
     estimates_m: tuple[tuple[float, float], ...] = ()
+    margins: Margins = BROKEN_DOWN
+    """How far from failing: what a hunt follows, and no store keeps."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +87,7 @@ def run_scene(work: SceneWork) -> SceneOutcome:
     with open(os.devnull, "w") as nowhere:
         faulthandler.dump_traceback_later(work.limit_s, exit=True, file=nowhere)
         try:
-            return _outcome(work)
+            return outcome_of(work)
         finally:
             faulthandler.cancel_dump_traceback_later()
 
@@ -95,7 +98,8 @@ def broken_scene(work: SceneWork, outcome: str, detail: str) -> SceneOutcome:
     return SceneOutcome(work.number, runs, versions())
 
 
-def _outcome(work: SceneWork) -> SceneOutcome:
+def outcome_of(work: SceneWork) -> SceneOutcome:
+    """Like `run_scene`, without the watch over how long it takes: for a process that is not to be ended."""
     start_s = time.perf_counter()
     try:
         clip = simulate(work.scenario)
@@ -125,7 +129,16 @@ def _run(spec: EstimatorSpec, clip: SimulatedClip) -> MethodOutcome:
     leaks = tuple(
         _leak_outcome(leak, clip.truth, codes.leaks[leak.id], _assigned(scored, leak)) for leak in clip.truth.leaks
     )
-    return MethodOutcome(spec.text, OK, "", leaks, tuple(codes.estimates.values()), seconds, places_m)
+    return MethodOutcome(
+        spec.text,
+        OK,
+        "",
+        leaks,
+        tuple(codes.estimates.values()),
+        seconds,
+        places_m,
+        margins(answer, clip.truth, scored),
+    )
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,8 @@ one leak, round numbers, no misalignment, no noise.
 """
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
 GRID_M = 0.05
 """Leaks of strategies stand on this grid, so that shrunk examples have round places."""
+
+LEAKS_TABLE = "layout"
+"""Axes of this table set how every leak drips, wherever it stands."""
 
 PAPER_DRIP: Mapping[str, Any] = MappingProxyType(
     {"z_m": 2.0, "drop_radius_m": 0.0115, "drip_period_s": 0.27, "drip_jitter": 0.1}
@@ -55,10 +58,19 @@ class Axis:
         """Value `steps` grid steps from the plain one."""
         return round(self.plain + steps * self.step, 9)
 
+    @property
+    def n_values(self) -> int:
+        """How many values of the grid are in the range."""
+        return self._last() - self._first() + 1
+
     def at(self, share: float) -> float:
         """Value at a share in [0, 1) of the range, each grid value with the same share."""
-        n_values = self._last() - self._first() + 1
-        return self.at_step(self._first() + min(int(share * n_values), n_values - 1))
+        return self.at_step(self._first() + min(int(share * self.n_values), self.n_values - 1))
+
+    def share_of(self, value: float) -> float:
+        """Share in [0, 1] of the range that a value stands at, the middle of its grid value's; clipped to the range."""
+        step = round((value - self.plain) / self.step) - self._first()
+        return min(max((step + 0.5) / self.n_values, 0.0), 1.0)
 
     def steps(self) -> "SearchStrategy[int]":
         """Strategy of grid steps; shrinks to the plain value, or to the nearest end when that is out of range."""
@@ -70,7 +82,11 @@ class Axis:
 
 @dataclass(frozen=True)
 class Space:
-    """Axes with their ranges, and the leaks: how many, how far apart, how far from the wall."""
+    """Axes with their ranges, and the leaks: how many, how far apart, how far from the wall, and how they drip.
+
+    What no axis sets is that of `base` (the defaults where it is None), whose leaks stand where `max_leaks` is 0. Axes
+    of the table `layout` set how every leak drips.
+    """
 
     name: str
     axes: tuple[Axis, ...]
@@ -79,6 +95,13 @@ class Space:
     wall_margin_m: float = 0.2
     width_px: int = 480
     height_px: int = 270
+    base: Scenario | None = None
+    drip: Mapping[str, Any] = field(default_factory=lambda: PAPER_DRIP)
+
+    @property
+    def base_scenario(self) -> Scenario:
+        """What no axis sets; not made before it is asked for, for no process of an estimator holds a scenario."""
+        return self.base or Scenario()
 
     def labels(self) -> dict[str, str]:
         """Axis labels by key, with unit."""
@@ -144,12 +167,22 @@ def samples(space: Space, n: int, seed: int) -> Iterator[Scenario]:
 
     points = qmc.Halton(len(space.axes) + 1, rng=np.random.default_rng(seed)).random(n)
     for number, point in enumerate(points):
-        n_leaks = 1 + min(int(point[-1] * space.max_leaks), space.max_leaks - 1)
-        values = {axis.key: axis.at(share) for axis, share in zip(space.axes, point, strict=False)}
-        layout = LayoutTable(
-            n_leaks=n_leaks, min_separation_m=space.min_separation_m, wall_margin_m=space.wall_margin_m, **PAPER_DRIP
-        )
-        yield scenario_at(space, values, seed_of_clip(seed, number)).model_copy(update={"layout": layout})
+        yield sample_at(space, point, seed_of_clip(seed, number))
+
+
+def sample_at(space: Space, point: Sequence[float], seed: int) -> Scenario:
+    """Return the scenario at shares of the axes' ranges and, last, of the number of leaks; their places are random."""
+    values = {axis.key: axis.at(share) for axis, share in zip(space.axes, point, strict=False)}
+    scenario = scenario_at(space, values, seed)
+    if space.max_leaks == 0:
+        return scenario
+    layout = LayoutTable(
+        n_leaks=1 + min(int(point[-1] * space.max_leaks), space.max_leaks - 1),
+        min_separation_m=space.min_separation_m,
+        wall_margin_m=space.wall_margin_m,
+        **drip_at(space, values),
+    )
+    return scenario.model_copy(update={"layout": layout})
 
 
 def scene_of(stratum: str, number: int, seed: int) -> Scenario:
@@ -177,12 +210,22 @@ def scenarios(space: Space) -> "SearchStrategy[Scenario]":
 
 
 def scenario_at(space: Space, values: Mapping[str, float], seed: int) -> Scenario:
-    """Return the scenario with the axes at `values` and no leaks yet."""
+    """Return the scenario with the axes at `values` and no leaks but those of the space's base."""
     tables: dict[str, dict[str, Any]] = {"rig": {"width_px": space.width_px, "height_px": space.height_px}}
     for key, value in values.items():
-        table, _, field = key.partition(".")
-        tables.setdefault(table, {})[field] = int(value) if field == "n_frames" else value
-    return Scenario.model_validate({"name": space.name, "seed": seed, **tables})
+        table, _, name = key.partition(".")
+        if table != LEAKS_TABLE:
+            whole = Scenario.model_fields[table].annotation.model_fields[name].annotation is int  # type: ignore[union-attr]
+            tables.setdefault(table, {})[name] = int(value) if whole else value
+    base = space.base_scenario
+    changed = {name: type(was).model_validate({**dict(was), **tables[name]}) for name, was in base if name in tables}
+    return base.model_copy(update={"name": space.name, "seed": seed, **changed})
+
+
+def drip_at(space: Space, values: Mapping[str, float]) -> dict[str, Any]:
+    """Return how every leak drips where the axes are at `values`."""
+    own = {key.partition(".")[2]: value for key, value in values.items() if key.startswith(f"{LEAKS_TABLE}.")}
+    return {**space.drip, **own}
 
 
 def _places(space: Space) -> "SearchStrategy[list[tuple[int, int]]]":

@@ -16,6 +16,8 @@ from scipy.special import ndtri
 from scipy.stats import beta as beta_distribution
 from scipy.stats import binom
 
+from scenarios.hunted import refuse_hunted
+
 Decision = Literal["pass", "fail", "inconclusive"]
 SHOWN_SEEDS = 10
 FEWEST_CLIPS = 5
@@ -46,7 +48,11 @@ class FixedSizePlan:
 
 
 def clopper_pearson(k: int, n: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Exact interval of a binomial rate (Clopper and Pearson, Biometrika 26, 1934); (0, 1) without trials."""
+    """Exact interval of a binomial rate (Clopper and Pearson, Biometrika 26, 1934); (0, 1) without trials.
+
+    Like all of this file it raises HuntedDataError for what a hunt found, which is no sample.
+    """
+    refuse_hunted(k, n)
     tail = (1.0 - confidence) / 2.0
     low = float(beta_distribution.ppf(tail, k, n - k + 1)) if k > 0 else 0.0
     high = float(beta_distribution.ppf(1.0 - tail, k + 1, n - k)) if k < n else 1.0
@@ -59,6 +65,7 @@ def median_interval(values: Sequence[float], confidence: float = 0.95) -> tuple[
     Distribution-free: the number of values below the median is binomial with 1/2 (Conover, Practical Nonparametric
     Statistics, 3.2). The ends are NaN below 6 values, with which no interval of 95 % exists; all are without any.
     """
+    refuse_hunted(values)
     sample = np.sort(np.asarray(values, dtype=float))
     if len(sample) == 0:
         return math.nan, math.nan, math.nan
@@ -75,6 +82,7 @@ def mean_interval(clips: Sequence[Sequence[float]], confidence: float = 0.95) ->
     Percentiles of 4000 resamples with a fixed seed (Davison and Hinkley, Bootstrap Methods and their Application, 1997,
     3.8: clusters). NaN below 5 clips that have a value; with few more it is rather too short.
     """
+    refuse_hunted(clips, *clips)
     sums = np.array([sum(clip) for clip in clips if len(clip)])
     counts = np.array([len(clip) for clip in clips if len(clip)])
     if len(sums) < FEWEST_CLIPS:
@@ -104,7 +112,7 @@ def sequential_test(  # noqa: PLR0913  the five numbers that define Wald's test
     pass_at, fail_at = math.log((1.0 - alpha) / beta), math.log(alpha / (1.0 - beta))
     evidence, n, failed = 0.0, 0, []
     for n, seed in enumerate(seeds, 1):
-        success = bool(trial(seed))
+        success = bool(trial(seed))  # which a hunted outcome refuses to be
         if not success:
             failed.append(seed)
         evidence += step[success]
@@ -183,6 +191,7 @@ def assert_quantile(
     probability <= beta under twice the odds of being above; else inconclusive: more values are needed. Returns the
     sample's quantile.
     """
+    refuse_hunted(values)
     sample = np.asarray(values, dtype=float)
     n, above = len(sample), int(np.sum(~(sample <= at_most)))
     share = 1.0 - quantile
@@ -202,6 +211,7 @@ def assert_independent(one: Sequence[float], other: Sequence[float], *, alpha: f
 
     Fisher, Metron 1, 1921. Returns r. Inconclusive below 50 pairs, where a correlation of 0.7 could pass.
     """
+    refuse_hunted(one, other)
     x, y = np.asarray(one, dtype=float), np.asarray(other, dtype=float)
     if len(x) != len(y):
         raise ValueError(f"assert_independent: samples must be as long as each other, got {len(x)} and {len(y)}")

@@ -1,0 +1,225 @@
+"""hunt: failures are found where they are, sooner than at random, the same ones whatever the number of workers."""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from planted_failures import PLANTED, Planted, is_met, space, stand_in
+
+from scenarios.atlas import THIRDS, Atlas, cells_of
+from scenarios.cli import main
+from scenarios.draws import seed_of_clip
+from scenarios.estimators import EstimatorSpec
+from scenarios.hunt import Quarry, hunt, on_lanes
+from scenarios.hunted import Cell
+from scenarios.lanes import lanes_of
+from scenarios.margins import Margins
+from scenarios.projections import Projections
+from scenarios.run_campaign import local_workers
+from scenarios.scene_work import LeakOutcome, MethodOutcome
+from scenarios.space import NOMINAL
+from scenarios.space_file import read_space
+from scenarios.space_point import n_shares, scenario_of
+
+ROBUST = EstimatorSpec("method", "robust")
+BUDGET = 100
+NO_BLINDNESS = Planted("nowhere", 0.0, lambda _: False)
+
+
+def scenes_until_met(planted, seed):
+    quarry = Quarry(space(), ROBUST, seed)
+    for tried in hunt(quarry, lambda works: [stand_in(planted, work.scenario) for work in works], BUDGET):
+        for one in tried:
+            if is_met(planted, one.scenario, one.run):
+                return one.number + 1
+    return None
+
+
+@pytest.mark.statistical
+def test_a_hundred_scenes_meet_most_of_ten_planted_failures(harness_seed):
+    # 9.2 on average over seeds, 8 to 10; of a random hundred 7.6: benchmarks/hunt_planted.py
+    assert sum(scenes_until_met(planted, harness_seed) is not None for planted in PLANTED) >= 6
+
+
+@pytest.mark.statistical
+def test_a_hunt_looks_where_leaks_can_be_seen(harness_seed):
+    where, rng = space(), np.random.default_rng(harness_seed)
+    drawn = (scenario_of(where, rng.random(n_shares(where)), seed_of_clip(harness_seed, i)) for i in range(BUDGET))
+    at_random = [stand_in(NO_BLINDNESS, scene).leaks for scene in drawn if scene is not None]
+    rounds = hunt(
+        Quarry(where, ROBUST, harness_seed),
+        lambda works: [stand_in(NO_BLINDNESS, work.scenario) for work in works],
+        BUDGET,
+    )
+    filling = [one.run.leaks for tried in rounds for one in tried if one.move.origin == "filling"]
+    shares = [np.mean([leak.observable for leaks in scenes for leak in leaks]) for scenes in (filling, at_random)]
+    assert shares[0] > shares[1] + 0.2  # some 0.83 and 0.41
+
+
+def test_a_hunt_follows_from_its_seed():
+    def moves(seed):
+        quarry = Quarry(space(), ROBUST, seed)
+        rounds = hunt(quarry, lambda works: [stand_in(PLANTED[0], work.scenario) for work in works], 40)
+        return [one.move for tried in rounds for one in tried]
+
+    first = moves(3)
+    assert first == moves(3)
+    assert len(first) == 40
+    assert first[:32] != moves(4)[:32]
+
+
+def valley(target):
+    """Right by a margin that falls towards one point of the space, and wrong within a hundredth of its baseline."""
+
+    def outcome(scenario):
+        margin = min(abs(scenario.rig.hfov_deg - target) / 35.0 - 0.01, 0.39)
+        code = "found" if margin >= 0.0 else "missed.unexplained"
+        leak = LeakOutcome(0, 1.0, 0.0, True, True, False, code, None, None)
+        return MethodOutcome("valley", "ok", "", (leak,), margins=Margins(margin, 1.0, 1.0))
+
+    return outcome
+
+
+def test_margins_lead_downhill_to_where_they_are_negative():
+    found = valley(72.0)
+    rounds = list(hunt(Quarry(space(), ROBUST, 0), lambda works: [found(work.scenario) for work in works], 120))
+    down = [one for tried in rounds for one in tried if one.move.origin == "downhill"]
+    start = [one for one in rounds[0] if one.run.margins.least >= 0.0]
+    assert min(one.run.margins.least for one in down) < 0.0 <= min(one.run.margins.least for one in start)
+
+
+@settings(max_examples=20)
+@given(st.integers(0, 1000))
+def test_whoever_fills_most_gaps_leaves_no_quarter_of_any_pair_of_parameters_empty(seed):
+    rng = np.random.default_rng(seed)
+    seen, chosen = Projections([np.inf] * 4), []
+    for _ in range(24):
+        candidates = rng.random((64, 4))
+        chosen.append(candidates[seen.gain(candidates).argmax()])
+        seen.add(chosen[-1][None])
+        assert seen.gain(chosen[-1][None])[0] == 0.0  # what has been tried fills nothing any more
+    quarters = (np.array(chosen) * 2).astype(int)
+    for one in range(4):
+        for other in range(one):
+            assert len(set(zip(quarters[:, one], quarters[:, other], strict=True))) == 4
+
+
+def test_boxes_are_never_finer_than_the_values_of_a_parameter():
+    seen = Projections([2.0, np.inf])
+    for share in np.linspace(0.01, 0.99, 64):
+        seen.add(np.array([[0.1, share]]))
+    assert seen.gain(np.array([[0.4, 0.5]]))[0] < seen.gain(np.array([[0.6, 0.5]]))[0]
+
+
+def outcome_with(*codes, false=()):
+    leaks = tuple(LeakOutcome(i, 1.0, 0.0, True, True, False, code, None, None) for i, code in enumerate(codes))
+    return MethodOutcome("m", "ok", "", leaks, false, margins=Margins(-1.0, -1.0, 1.0))
+
+
+def tried_at(shares, number, run):
+    from scenarios.atlas import Move, Tried
+
+    return Tried(number, Move(tuple(shares), 0, "start"), scenario_of(NOMINAL, shares, 0), run)
+
+
+def test_the_atlas_keeps_the_plainest_scene_of_every_code_and_third():
+    atlas = Atlas(NOMINAL)
+    far, near = [0.99] * n_shares(NOMINAL), [0.6] * n_shares(NOMINAL)
+    atlas.add(tried_at(far, 0, outcome_with("missed.unexplained")))
+    atlas.add(tried_at(near, 1, outcome_with("missed.unexplained")))
+    atlas.add(tried_at(far, 2, outcome_with("missed.unexplained")))
+    assert [found.number for found in atlas.counterexamples()] == [0, 1]
+    assert atlas.kept["missed.unexplained", Cell("rig.hfov_deg", 1)].number == 1
+    assert atlas.kept["missed.unexplained", Cell("rig.hfov_deg", THIRDS - 1)].number == 0
+
+
+def test_a_false_leak_has_no_place_of_a_leak_and_what_is_not_observable_is_no_failure():
+    shares = [0.5] * n_shares(NOMINAL)
+    assert "leak range" in {cell.parameter for cell in cells_of(NOMINAL, shares, 0)}
+    assert "leak range" not in {cell.parameter for cell in cells_of(NOMINAL, shares, None)}
+    atlas = Atlas(NOMINAL)
+    unseen = LeakOutcome(0, 1.0, 0.0, True, False, False, "missed.low_signal", None, None)
+    atlas.add(tried_at(shares, 0, MethodOutcome("m", "ok", "", (unseen,))))
+    assert atlas.codes() == []
+
+
+TINY = """
+name = "tiny"
+set = ["rig.width_px=96", "rig.height_px=54", "recording.n_frames=4", "pedestal.texture=uniform"]
+[leaks]
+most = 1
+[[axis]]
+key = "rig.baseline_m"
+low = 0.3
+high = 0.7
+step = 0.1
+"""
+
+
+@pytest.fixture(scope="module")
+def hunted(tmp_path_factory):
+    """A small hunt by the command, on one process."""
+    folder = tmp_path_factory.mktemp("hunt")
+    (folder / "tiny.toml").write_text(TINY)
+    words = ["hunt", str(folder / "tiny.toml"), "--method", "paper", "--scenes", "34", "--seed", "5", "--shrink", "0"]
+    done = CliRunner().invoke(main, [*words, "--workers", "1", "-o", str(folder / "out")])
+    assert done.exit_code == 0, done.output
+    return folder
+
+
+def test_two_workers_keep_the_same_counterexamples_as_one(hunted):
+    quarry = Quarry(read_space(hunted / "tiny.toml"), EstimatorSpec("method", "paper"), 5)
+    atlas = Atlas(quarry.space)
+    with lanes_of(local_workers(2)) as lanes:
+        for tried in hunt(quarry, on_lanes(lanes), 34):
+            for one in tried:
+                atlas.add(one)
+    kept = [(found.code, found.number, str(found.severity)) for found in atlas.counterexamples()]
+    summary = json.loads((hunted / "out" / "hunt.json").read_text())
+    assert kept == [(row["code"], row["scene"], row["severity"]) for row in summary["counterexamples"]]
+
+
+def test_every_counterexample_is_a_scene_file_that_fails_with_its_code(hunted):
+    from scenarios.scenario_file import read_scenario
+    from scenarios.shrink import codes_of
+
+    summary = json.loads((hunted / "out" / "hunt.json").read_text())
+    assert summary["counterexamples"]
+    for row in summary["counterexamples"]:
+        path = hunted / "out" / row["file"]
+        assert len(path.read_text().splitlines()) <= 20
+        assert row["code"] in codes_of(EstimatorSpec("method", "paper"))(read_scenario(path))
+
+
+def test_the_page_opens_offline_and_says_that_it_holds_no_rate(hunted):
+    page = (hunted / "out" / "atlas.html").read_text()
+    for fetched in ('src="http', 'href="http', "@import", "url(http"):
+        assert fetched not in page.replace("'", '"')
+    assert "no sample" in page
+    for row in json.loads((hunted / "out" / "hunt.json").read_text())["counterexamples"]:
+        assert f'href="{row["file"]}"' in page
+
+
+@pytest.mark.parametrize("budget", ["10", "0min", "-3s", "ten minutes"])
+def test_a_budget_without_a_sane_time_is_refused(tmp_path, budget):
+    out = tmp_path / "out"
+    done = CliRunner().invoke(main, ["hunt", "easy", "--method", "paper", "--budget", budget, "-o", str(out)])
+    assert done.exit_code == 2
+    assert "30s, 10min, 2h" in done.output
+    assert not out.exists()
+
+
+@pytest.mark.deep
+def test_ten_planted_failures_are_hunted_shrunk_and_replayed():
+    sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+    from hunt_planted import rendered
+
+    met, shrunk_to_three, replayed = rendered(300.0, 2, 0)
+    assert met >= 9
+    assert shrunk_to_three == met
+    assert replayed == met
