@@ -12,7 +12,7 @@ from scipy.optimize import minimize
 
 from noise import GammaField, Sensor, add_noise
 
-pytestmark = [pytest.mark.statistical, pytest.mark.usefixtures("fresh_draws")]
+pytestmark = [pytest.mark.statistical, pytest.mark.usefixtures("fresh_draws"), pytest.mark.xdist_group("real camera")]
 
 # fmt: off
 REAL_BINS = np.array(

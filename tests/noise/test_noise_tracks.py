@@ -16,7 +16,7 @@ from noise.irradiation import Irradiation
 from noise.silicon import PAIR_ENERGY_KEV
 from noise.tracks import Stamps, draw_stamps, stamp_charge
 
-pytestmark = [pytest.mark.statistical, pytest.mark.usefixtures("fresh_draws")]
+pytestmark = [pytest.mark.statistical, pytest.mark.usefixtures("fresh_draws"), pytest.mark.xdist_group("tracks")]
 
 H = 10.0
 EXPOSURE_S = 1 / 12

@@ -18,6 +18,8 @@ from scenarios.scene_work import SceneWork, run_scene
 from scenarios.store import StoreError, read_store
 from scenarios.workers import WorkerError
 
+pytestmark = pytest.mark.xdist_group("campaign runs")  # one worker: what they share is made once
+
 N_SCENES = 12
 
 

@@ -7,6 +7,8 @@ from scenarios.explain import NOTHING, causes, cures, explain, explain_html, tab
 from scenarios.leaks import resolved
 from scenarios.scenario_file import read_scenario
 
+pytestmark = pytest.mark.xdist_group("explain")  # one worker: what they share is made once
+
 SMALL = ["rig.width_px=480", "rig.height_px=270", "recording.n_frames=12", "gamma.dose_rate_gy_h=1.0"]
 PAPER = EstimatorSpec("method", "paper")
 

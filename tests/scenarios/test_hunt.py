@@ -26,6 +26,8 @@ from scenarios.space import NOMINAL
 from scenarios.space_file import read_space
 from scenarios.space_point import n_shares, scenario_of
 
+pytestmark = pytest.mark.xdist_group("hunts")  # one worker: what they share is made once
+
 ROBUST = EstimatorSpec("method", "robust")
 BUDGET = 100
 NO_BLINDNESS = Planted("nowhere", 0.0, lambda _: False)

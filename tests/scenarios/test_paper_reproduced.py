@@ -11,6 +11,8 @@ from scenarios.scenario_file import read_scenario
 from scenarios.score import score
 from scenarios.simulate import simulate
 
+pytestmark = pytest.mark.xdist_group("paper")  # one worker: what they share is made once
+
 
 def located(name, *overrides):
     clip = simulate(read_scenario(name, overrides))

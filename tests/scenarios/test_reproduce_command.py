@@ -14,6 +14,8 @@ from scenarios.evaluation import FULL, QUICK, campaign_files, evaluating, store_
 from scenarios.evaluation_tables import flattened
 from scenarios.store import read_store
 
+pytestmark = pytest.mark.xdist_group("reproduce")  # one worker: what they share is made once
+
 TINY = ("rig.width_px=96", "rig.height_px=54", "pedestal.texture=uniform")
 SIZE = ["--quick", "--scenes", "1", *(word for override in TINY for word in ("--set", override))]
 N_SCENES = 20

@@ -171,7 +171,7 @@ def measured(frames, still, window):
     pixel meet the lamp's image in a drop once in many streaks, and such a pixel is white. Ends: rows whose differences
     sum to 2 grey. Light: of all pixels that are not white.
     """
-    here = window.of(still[None].repeat(window.frame + 1, axis=0))
+    here = window.of(np.broadcast_to(still, frames.shape))
     frame = window.of(frames)
     change = np.abs(frame.astype(float) - here)
     weight = np.where(change >= 1, np.minimum(change, 3), 0)
@@ -219,7 +219,8 @@ def compared(name, render, hidden=1.0):
     for view in VIEWS:
         drops, shadows = (windows(scene, rig, recording, view) for windows in (drop_windows, shadow_windows))
         windows = [("drop", one) for one in apart(drops, shadows)] + [("shadow", one) for one in apart(shadows, drops)]
-        theirs = [measured(frames[view], np.median(frames[view], axis=0), one) for _, one in windows]
+        still = np.median(frames[view], axis=0)
+        theirs = [measured(frames[view], still, one) for _, one in windows]
         ours = _mean_measures(getattr(clip, view), [one for _, one in windows])
         rows += [
             (kind, f"{name} {view}", one.leak, *measures)

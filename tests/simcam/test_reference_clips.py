@@ -10,6 +10,8 @@ import simcam.streaks
 from simcam import render_clip
 from simcam.dropview import no_glints
 
+pytestmark = pytest.mark.xdist_group("reference clips")  # one worker: they are rendered once
+
 FEW = 15  # streaks of one leak and view, below which their median is noise
 
 
