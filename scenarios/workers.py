@@ -12,7 +12,6 @@ import cv2
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
-DEATHS_IN_A_ROW = 2
 
 
 class WorkerError(ValueError):
@@ -22,23 +21,24 @@ class WorkerError(ValueError):
 def all_done(work: Callable[[Item], Result], items: Sequence[Item], n_workers: int) -> Iterator[tuple[int, Result]]:
     """Yield (number, result) of every item as it is done, on `n_workers` processes; in this one when that is 1.
 
-    When a process dies, the pool is made anew and what was not done is done again; WorkerError when that happens twice
-    in a row without a single item done in between.
+    When a process dies, the pool is made anew and what was not done is done again, its first item alone: WorkerError if
+    that item kills its process too.
     """
     if n_workers == 1:
         yield from enumerate(map(work, items))
         return
-    left, deaths = set(range(len(items))), 0
+    left, alone = set(range(len(items))), False
     while left:
-        done_before = len(left)
+        numbers = sorted(left)[:1] if alone else sorted(left)
         try:
-            for number, result in _done_by_one_pool(work, items, sorted(left), n_workers):
+            for number, result in _done_by_one_pool(work, items, numbers, n_workers):
                 left.discard(number)
                 yield number, result
+            alone = False
         except BrokenProcessPool:
-            deaths = deaths + 1 if len(left) == done_before else 1
-            if deaths == DEATHS_IN_A_ROW:
+            if alone:
                 raise WorkerError(f"a worker process died twice; the first item left is {items[min(left)]}") from None
+            alone = True
 
 
 def in_order(numbered: Iterator[tuple[int, Result]]) -> Iterator[Result]:
