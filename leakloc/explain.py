@@ -117,7 +117,8 @@ def judge(line: Line, views: Sequence[Streaks], stage: tuple[LevelPair, Rig], fo
     if not np.isfinite(level.places_of(start_px[None])).all():
         return Verdict(line, NO_MEETING)
     dark_px = line.columns_px if shadowy else None
-    fit = fit_line(profiles, start_px, stage, dark_px=dark_px, bright=line.track.bright)
+    bright = line.track.bright and rig.lamps is not None  # where the glints lie is known with the lamps alone
+    fit = fit_line(profiles, start_px, stage, dark_px=dark_px, bright=bright)
     place_m = level.places_of(fit.columns_px[None])[0]
     if not np.isfinite(place_m).all():
         return Verdict(line, NO_MEETING)
