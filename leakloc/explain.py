@@ -10,7 +10,7 @@ import numpy as np
 from leakloc.beside import drop_beside_shadow, together
 from leakloc.betrayed import with_betrayed
 from leakloc.levelled import LevelPair
-from leakloc.linefit import fit_line
+from leakloc.linefit import fit_bright_line, fit_line
 from leakloc.rig import Array, Rig
 from leakloc.signature import polarity, signed_profiles
 from leakloc.streaks import Streaks
@@ -116,9 +116,10 @@ def judge(line: Line, views: Sequence[Streaks], stage: tuple[LevelPair, Rig], fo
             return Verdict(line, SHADOW_OF_LEAK)
     if not np.isfinite(level.places_of(start_px[None])).all():
         return Verdict(line, NO_MEETING)
-    dark_px = line.columns_px if shadowy else None
-    bright = line.track.bright and rig.lamps is not None  # where the glints lie is known with the lamps alone
-    fit = fit_line(profiles, start_px, stage, dark_px=dark_px, bright=bright)
+    if line.track.bright and rig.lamps is not None:  # where the glints lie is known with the lamps alone
+        fit = fit_bright_line(profiles, start_px, stage)
+    else:
+        fit = fit_line(profiles, start_px, stage, line.columns_px if shadowy else None)
     place_m = level.places_of(fit.columns_px[None])[0]
     if not np.isfinite(place_m).all():
         return Verdict(line, NO_MEETING)

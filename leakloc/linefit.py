@@ -24,6 +24,7 @@ WINDOW_PX = 25
 DARK_PX = 1.5  # standard deviation of a seen shadow's columns, which its drop may have pulled
 STRAY_PX = 1.5  # of a drop from where it was seen, lest it slides onto its shadow
 OVER_SPREAD, MOST_OVER = 5.0, 40.0  # of a glint's peak over the limit that hits are clipped at
+LIMBS = (-1.0, 1.0)  # sides of a drop
 LIMB_SHARE = 0.08  # of the profile's peak: standard deviation of what a limb shows of the walls
 STARTS = ((0.6, 1.0), (1.8, 4.0))  # of the radius over DROP_RADIUS_M, and of what the limit takes of a glint
 MODEL_ERROR = 0.02  # of the profile's peak: what the shapes cannot follow
@@ -149,8 +150,7 @@ class _Problem:
         start_px: Array,
         stage: tuple[LevelPair, Rig],
         dark_px: Array | None,
-        *,
-        bright: bool,
+        limbs: tuple[float, ...],
     ) -> None:
         width = len(profiles[0].values)
         self.level, self.rig = level, rig = stage
@@ -169,7 +169,7 @@ class _Problem:
         reach_px = WINDOW_PX + self.expected.blur_px
         self.shadows = np.flatnonzero((np.abs(self.expected.shadows_px - start_px) < reach_px).any(axis=1))
         self.lamps = len(self.expected.glints_px)
-        self.limbs = (-1.0, 1.0) if bright else ()
+        self.limbs = limbs
         self.light = [float(np.abs(d).max()) / PEAK for d in self.data]
         self.drop_px = DROP_RADIUS_M * level.focal_px / float(level.depths_m(level.places_of(start_px[None]))[0])
         self.first = 5 + self.lamps  # of the shadows' parameters
@@ -240,19 +240,21 @@ class _Problem:
 
 
 def fit_line(
-    profiles: Sequence[Profile],
-    start_px: Array,
-    stage: tuple[LevelPair, Rig],
-    *,
-    dark_px: Array | None = None,
-    bright: bool = True,
+    profiles: Sequence[Profile], start_px: Array, stage: tuple[LevelPair, Rig], dark_px: Array | None = None
 ) -> LineFit:
     """Least-squares fit of both views' profiles; start_px (2,): the drop's columns to within a pixel or two.
 
     dark_px (2,): columns of a shadow that is seen beside the drop, which counts where lamp and wall tell of none.
-    bright: nothing but a drop is seen there, so that its limbs and the limit for hits may be fitted as well.
     """
-    problem = _Problem(profiles, start_px, stage, dark_px, bright=bright)
+    return _least_squares(_Problem(profiles, start_px, stage, dark_px, ()), profiles)
+
+
+def fit_bright_line(profiles: Sequence[Profile], start_px: Array, stage: tuple[LevelPair, Rig]) -> LineFit:
+    """The same where nothing but a drop is seen: its limbs, and what the limit for hits takes, are fitted as well."""
+    return _least_squares(_Problem(profiles, start_px, stage, None, LIMBS), profiles)
+
+
+def _least_squares(problem: _Problem, profiles: Sequence[Profile]) -> LineFit:
     bounds = problem.bounds()
     found = min(
         (

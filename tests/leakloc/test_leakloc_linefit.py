@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import binom
 
 from leakloc.levelled import level_pair
-from leakloc.linefit import DROP_RADIUS_M, RADIUS_FACTORS, RADIUS_SPREAD, Profile, fit_line, predict
+from leakloc.linefit import DROP_RADIUS_M, RADIUS_FACTORS, RADIUS_SPREAD, Profile, fit_bright_line, fit_line, predict
 from leakloc.lineshape import BLUR_PX, PEAK, gaussian, limb
 from leakloc.rig import Rig
 
@@ -44,7 +44,7 @@ def test_the_region_of_a_drop_of_unknown_radius_holds_its_columns(make_rig):
         place_m = np.array([rng.uniform(-0.5, 1.5), rng.uniform(-0.8, 0.8)])
         factor = np.clip(np.exp(RADIUS_SPREAD * rng.normal()), *RADIUS_FACTORS)
         profiles, columns_px = glinting(place_m, factor, (level, rig), rng)
-        fit = fit_line(profiles, np.rint(columns_px), (level, rig))
+        fit = fit_bright_line(profiles, np.rint(columns_px), (level, rig))
         off_px = fit.columns_px - columns_px
         inside += bool(off_px @ np.linalg.solve(fit.covariance_px2, off_px) < 5.99)
     # a coverage of 90 % gives fewer with probability 1e-4; with the radius thought known it is half of them
@@ -58,7 +58,7 @@ def test_a_drop_of_the_believed_radius_is_found_within_its_noise(make_rig):
     errors_px = []
     for _ in range(40):
         profiles, columns_px = glinting(place_m, 1.0, (level, rig), rng)
-        fit = fit_line(profiles, np.rint(columns_px), (level, rig))
+        fit = fit_bright_line(profiles, np.rint(columns_px), (level, rig))
         errors_px.append(fit.columns_px - columns_px)
     # what the eye would say, the middle of the glints, is off by more
     glints = predict(place_m, level, rig)
@@ -73,7 +73,7 @@ def test_glints_that_the_limit_for_hits_cuts_flat_still_tell_the_columns(make_ri
     level, place_m = level_pair(rig), np.array([0.1, 0.2])
     for _ in range(10):
         profiles, columns_px = glinting(place_m, 1.9, (level, rig), rng, over)
-        fit = fit_line(profiles, np.rint(columns_px) + np.array([2, -1]), (level, rig))
+        fit = fit_bright_line(profiles, np.rint(columns_px) + np.array([2, -1]), (level, rig))
         assert np.abs(fit.columns_px - columns_px).max() < 0.15
         assert fit.chi2 < 3
 
@@ -97,9 +97,8 @@ def test_a_bright_and_a_dark_limb_do_not_push_the_drop_aside(make_rig):
             Profile(p.values + 8 * (limb(x, c, radius_px, BLUR_PX, 1.0) - limb(x, c, radius_px, BLUR_PX, -1.0)), 1.0)
             for p, c in zip(profiles, columns_px, strict=True)
         ]
-        for found, bright in ((with_limbs_px, True), (without_px, False)):
-            fit = fit_line(shown, np.rint(columns_px), (level, rig), bright=bright)
-            found.append(fit.columns_px - columns_px)
+        for found, fit in ((with_limbs_px, fit_bright_line), (without_px, fit_line)):
+            found.append(fit(shown, np.rint(columns_px), (level, rig)).columns_px - columns_px)
     rms_px, rms_without_px = (np.sqrt(np.mean(np.square(errors))) for errors in (with_limbs_px, without_px))
     assert rms_px < 0.1
     assert rms_px < 0.5 * rms_without_px
