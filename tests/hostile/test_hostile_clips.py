@@ -151,6 +151,8 @@ def damaged_clips(folder, small_clip, answers, seed, numbers, tally):
 
 def test_a_damaged_clip_is_refused_or_gives_the_answer_of_the_whole_one(tmp_path, small_clip, whole_answers, tally):
     damaged_clips(tmp_path, small_clip, whole_answers, 0, range(60), tally)
+    assert sum(tally.values()) == 60
+    assert 0 < tally["refused with exit code 2"] < 60
 
 
 @pytest.mark.deep
@@ -158,6 +160,8 @@ def test_thousands_of_damaged_clips_are_refused_or_give_the_answer_of_the_whole_
     tmp_path, small_clip, whole_answers, harness_seed, tally
 ):
     damaged_clips(tmp_path, small_clip, whole_answers, harness_seed, range(2000), tally)
+    assert sum(tally.values()) == 2000
+    assert 0 < tally["refused with exit code 2"] < 2000
 
 
 def damaged_videos(folder, clip, export, seed, numbers, tally):
@@ -201,6 +205,9 @@ def damaged_videos(folder, clip, export, seed, numbers, tally):
 
 def test_a_damaged_video_is_refused_where_its_export_vouches_for_it(tmp_path, small_clip, small_export, tally):
     damaged_videos(tmp_path, small_clip, small_export, 0, range(40), tally)
+    assert sum(tally.values()) == 40
+    assert tally["exported: refused"] > 0
+    assert tally["exported: decoded to other frames"] == 0
 
 
 @pytest.mark.deep
@@ -208,3 +215,6 @@ def test_a_thousand_damaged_videos_never_crash_and_exported_ones_never_go_unnoti
     tmp_path, small_clip, small_export, harness_seed, tally
 ):
     damaged_videos(tmp_path, small_clip, small_export, harness_seed, range(1000), tally)
+    assert sum(tally.values()) == 1000
+    assert tally["exported: refused"] > 0
+    assert tally["exported: decoded to other frames"] == 0

@@ -95,11 +95,15 @@ def calibrations(tmp_path, small_clip):
 
 def test_a_damaged_calibration_is_refused_or_is_a_rig_that_can_be(calibrations, tally):
     damaged(calibrations[0], "calibration", 0, range(60), tally, calibrations[1])
+    assert sum(tally.values()) == 60
+    assert tally["refused with exit code 2"] > 0
 
 
 @pytest.mark.deep
 def test_two_thousand_damaged_calibrations_are_refused_or_are_rigs_that_can_be(calibrations, harness_seed, tally):
     damaged(calibrations[0], "calibration", harness_seed, range(2000), tally, calibrations[1])
+    assert sum(tally.values()) == 2000
+    assert tally["refused with exit code 2"] > 0
 
 
 @pytest.fixture
@@ -126,11 +130,15 @@ def results(tmp_path, small_clip):
 
 def test_a_damaged_result_is_refused_or_scored_as_it_says(results, tally):
     damaged(results[0], "result", 0, range(100), tally, results[1])
+    assert sum(tally.values()) == 100
+    assert tally["refused with exit code 2"] > 0
 
 
 @pytest.mark.deep
 def test_two_thousand_damaged_results_are_refused_or_scored_as_they_say(results, harness_seed, tally):
     damaged(results[0], "result", harness_seed, range(2000), tally, results[1])
+    assert sum(tally.values()) == 2000
+    assert tally["refused with exit code 2"] > 0
 
 
 @pytest.fixture
@@ -169,11 +177,15 @@ def baselines(tmp_path, monkeypatch):
 
 def test_a_damaged_baseline_is_refused_or_compared_as_it_says(baselines, tally):
     damaged(baselines[0], "baseline", 0, range(50), tally, baselines[1])
+    assert sum(tally.values()) == 50
+    assert tally["refused with exit code 2"] > 0
 
 
 @pytest.mark.deep
 def test_a_thousand_damaged_baselines_are_refused_or_compared_as_they_say(baselines, harness_seed, tally):
     damaged(baselines[0], "baseline", harness_seed, range(1000), tally, baselines[1])
+    assert sum(tally.values()) == 1000
+    assert tally["refused with exit code 2"] > 0
 
 
 @pytest.fixture
@@ -203,11 +215,15 @@ def meshes(tmp_path):
 
 def test_a_damaged_mesh_is_refused_or_is_a_mesh_that_can_be(meshes, tally):
     damaged(meshes[0], "mesh", 0, range(50), tally, meshes[1])
+    assert sum(tally.values()) == 50
+    assert tally["refused with exit code 2"] > 0
 
 
 @pytest.mark.deep
 def test_a_thousand_damaged_meshes_are_refused_or_are_meshes_that_can_be(meshes, harness_seed, tally):
     damaged(meshes[0], "mesh", harness_seed, range(1000), tally, meshes[1])
+    assert sum(tally.values()) == 1000
+    assert tally["refused with exit code 2"] > 0
 
 
 @pytest.mark.parametrize(

@@ -115,11 +115,15 @@ def damaged_scenarios(folder, seed, numbers, tally):
 
 def test_a_damaged_scenario_is_refused_or_means_what_it_says(tmp_path, tally):
     damaged_scenarios(tmp_path, 0, range(300), tally)
+    assert sum(tally.values()) == 300
+    assert tally["refused with exit code 2"] > 0
 
 
 @pytest.mark.deep
 def test_ten_thousand_damaged_scenarios_are_refused_or_mean_what_they_say(tmp_path, harness_seed, tally):
     damaged_scenarios(tmp_path, harness_seed, range(10_000), tally)
+    assert sum(tally.values()) == 10_000
+    assert tally["refused with exit code 2"] > 0
 
 
 def damaged_campaigns(folder, seed, numbers, tally):
@@ -142,11 +146,15 @@ def damaged_campaigns(folder, seed, numbers, tally):
 
 def test_a_damaged_campaign_is_refused_or_means_what_it_says(tmp_path, tally):
     damaged_campaigns(tmp_path, 0, range(60), tally)
+    assert sum(tally.values()) == 60
+    assert tally["refused with exit code 2"] > 0
 
 
 @pytest.mark.deep
 def test_a_thousand_damaged_campaigns_are_refused_or_mean_what_they_say(tmp_path, harness_seed, tally):
     damaged_campaigns(tmp_path, harness_seed, range(1000), tally)
+    assert sum(tally.values()) == 1000
+    assert tally["refused with exit code 2"] > 0
 
 
 @given(st.text(alphabet='ab.="[]{}\n 019#'))

@@ -81,11 +81,15 @@ def damaged_stores(folder, whole, seed, numbers, tally):
 
 def test_a_damaged_store_is_refused_or_has_the_table_of_the_whole_one(tmp_path, whole, tally):
     damaged_stores(tmp_path, whole, 0, range(40), tally)
+    assert sum(tally.values()) == 40
+    assert tally["refused with exit code 2"] > 0
 
 
 @pytest.mark.deep
 def test_a_thousand_damaged_stores_are_refused_or_have_the_table_of_the_whole_one(tmp_path, whole, harness_seed, tally):
     damaged_stores(tmp_path, whole, harness_seed, range(1000), tally)
+    assert sum(tally.values()) == 1000
+    assert tally["refused with exit code 2"] > 0
 
 
 FOREVER = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT i FROM n"

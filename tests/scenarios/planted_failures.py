@@ -7,6 +7,7 @@ what came out is computed from the scene and its truth as if the method found ev
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -148,41 +149,14 @@ def _blinded(planted, left, right, rig):
     return leakloc.Estimate(found.method, found.frame, tuple(filter(is_seen, found.leaks)), found.diagnostics)
 
 
-def planted_0(left, right, rig):
-    return _blinded(PLANTED[0], left, right, rig)
-
-
-def planted_1(left, right, rig):
-    return _blinded(PLANTED[1], left, right, rig)
-
-
-def planted_2(left, right, rig):
-    return _blinded(PLANTED[2], left, right, rig)
-
-
-def planted_3(left, right, rig):
-    return _blinded(PLANTED[3], left, right, rig)
-
-
-def planted_4(left, right, rig):
-    return _blinded(PLANTED[4], left, right, rig)
-
-
-def planted_5(left, right, rig):
-    return _blinded(PLANTED[5], left, right, rig)
-
-
-def planted_6(left, right, rig):
-    return _blinded(PLANTED[6], left, right, rig)
-
-
-def planted_7(left, right, rig):
-    return _blinded(PLANTED[7], left, right, rig)
-
-
-def planted_8(left, right, rig):
-    return _blinded(PLANTED[8], left, right, rig)
-
-
-def planted_9(left, right, rig):
-    return _blinded(PLANTED[9], left, right, rig)
+# an estimator is named module:function, so each has a name of its own
+planted_0 = partial(_blinded, PLANTED[0])
+planted_1 = partial(_blinded, PLANTED[1])
+planted_2 = partial(_blinded, PLANTED[2])
+planted_3 = partial(_blinded, PLANTED[3])
+planted_4 = partial(_blinded, PLANTED[4])
+planted_5 = partial(_blinded, PLANTED[5])
+planted_6 = partial(_blinded, PLANTED[6])
+planted_7 = partial(_blinded, PLANTED[7])
+planted_8 = partial(_blinded, PLANTED[8])
+planted_9 = partial(_blinded, PLANTED[9])
