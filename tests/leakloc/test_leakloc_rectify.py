@@ -103,7 +103,9 @@ def test_the_rectified_rig_needs_no_rectification_and_keeps_baseline_and_places(
 def test_the_raw_column_of_a_rectified_one_is_where_it_crosses_the_raw_middle_row(make_rig, data, columns):
     rig = data.draw(raw_rigs(make_rig))
     for view in rectified_rig(rig)[1]:
-        there = view.to_rectified(np.column_stack([columns, np.full(len(columns), MIDDLE)]))
+        raw = np.column_stack([columns, np.full(len(columns), MIDDLE)])
+        there = view.to_rectified(raw)
+        assume(np.abs(view.to_raw(there) - raw).max() < 1e-6)  # else the lens folds back before it reaches that pixel
         np.testing.assert_allclose(view.raw_columns(there[:, 0], H), columns, atol=1e-4)
 
 
