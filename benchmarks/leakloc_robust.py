@@ -67,8 +67,8 @@ def main():
     rng = np.random.default_rng(0)
     left, right = (noisy_view([pair[view] for pair in LEAKS_PX], rng) for view in (0, 1))
     rig = paper_rig()
-    median = temporal_median(left).grey
-    limits = clip_limits(left, median, *pixel_noise(left, median))
+    median = temporal_median(left)
+    limits = clip_limits(median, *pixel_noise(left, median))
     rows = round(2 * band_sums(left, *limits)[1][0] + 1)
 
     print(f"{'stage':34s} {'leakloc':>12s} {'plain numpy':>13s} {'ratio':>10s}")

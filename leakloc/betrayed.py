@@ -43,7 +43,9 @@ def _betrayed(
         fit = LineFit(drop.columns_px, COLUMN_SIGMA_PX**2 * np.eye(2), none, none, unknown)
         known = any(Verdict(line, LEAK, fit).is_same(leak) for leak in found)
         return Verdict(line, SHADOW_OF_LEAK if known else LEAK, fit)
-    close = near_wall(signed_profiles(views, line.columns_px, -1.0), line.columns_px, level, rig)
+    close = near_wall(
+        signed_profiles([view.activity for view in views], line.columns_px, -1.0), line.columns_px, level, rig
+    )
     if close is None:
         return verdict
     slopes = level.column_slopes(close.place_m)

@@ -12,7 +12,7 @@ from leakloc.betrayed import with_betrayed
 from leakloc.levelled import LevelPair
 from leakloc.linefit import fit_bright_line, fit_line
 from leakloc.rig import Array, Rig
-from leakloc.signature import polarity, signed_profiles
+from leakloc.signature import bright_sigmas, polarity, signed_profiles
 from leakloc.streaks import Streaks
 from leakloc.tracks import Track
 from leakloc.verdict import (
@@ -38,6 +38,8 @@ WALL_PX = 1.5  # error of a line's disparity when it is asked whether it stands 
 LEAST_GLINT_SHARE = 0.04  # of what the shadow beside takes: walls of a reflectance of 0.5 leave that
 SURE_GLINT_SIGMAS = 12.0  # a drop beside a shadow that also is where another leak throws one
 EDGE_PX = 3.0  # from a view's edge a line is not seen whole
+
+WHOLE_SIGMAS = 10.0  # of what is bright: then its whole shape is worth fitting
 GHOST_SHARE = 0.6  # of the significance of the leaks whose columns a ghost has
 
 
@@ -104,10 +106,17 @@ def judge(line: Line, views: Sequence[Streaks], stage: tuple[LevelPair, Rig], fo
     if not any(may_meet(level.places_of(columns[None])[0], level, rig) for columns in (line.columns_px, nearer_px)):
         return Verdict(line, NO_MEETING)
     shadowy = line.is_shadowy
-    profiles = signed_profiles(views, line.columns_px, -1.0 if line.polarity < 0 and shadowy else 1.0)
-    start_px = line.columns_px
-    if shadowy:
-        start_px, height = drop_beside_shadow(profiles, line.columns_px, level, rig)
+    seen = [
+        signed_profiles(activities, line.columns_px, -1.0 if line.polarity < 0 and shadowy else 1.0)
+        for activities in zip(*((view.activity, view.glitter) for view in views), strict=True)
+    ]
+    if not shadowy:
+        start_px = line.columns_px
+        profiles = seen[_clearest([bright_sigmas(one, line.columns_px) for one in seen])]
+    else:
+        beside = [drop_beside_shadow(profiles, line.columns_px, level, rig) for profiles in seen]
+        clearest = _clearest([sigmas for _, sigmas in beside])
+        (start_px, height), profiles = beside[clearest], seen[clearest]
         if height < LEAST_GLINT_SIGMAS:
             return Verdict(line, SHADOW)
         known = any((np.abs(leak.columns_px - start_px) < SAME_PX).all() for leak in found)
@@ -132,6 +141,14 @@ def judge(line: Line, views: Sequence[Streaks], stage: tuple[LevelPair, Rig], fo
     if (np.minimum(fit.columns_px, level.image_size[0] - 1 - fit.columns_px) < EDGE_PX).any():
         return Verdict(line, AT_EDGE, fit)
     return Verdict(line, LEAK, fit)
+
+
+def _clearest(sigmas: Sequence[float]) -> int:
+    """Which to fit, by the significance of what is bright: 0, the activity without hits, or 1, the glitter.
+
+    Where there is enough of it, the whole shape is worth more than the significance that the noise costs.
+    """
+    return int(sigmas[1] > min(sigmas[0], WHOLE_SIGMAS))
 
 
 def _faint(verdict: Verdict) -> bool:

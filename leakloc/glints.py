@@ -48,18 +48,18 @@ def _images() -> tuple[tuple[Array, Array, Array, float], ...]:
     )
 
 
-def glint_offsets(camera_m: Array, lamp_m: Array, drop_m: Array, right: Array) -> tuple[Array, Array]:
-    """Offsets of a lamp's images from the drop's centre along the image's row, in drop radii, and their strengths.
+def glint_offsets(camera_m: Array, lamp_m: Array, drop_m: Array, along: Array) -> tuple[Array, Array]:
+    """Offsets of a lamp's images from the drop's centre along a direction, in drop radii, and their strengths.
 
-    camera_m, lamp_m, drop_m (3,) and right (3,), the row's direction, in one frame. Returns ((IMAGES,), (IMAGES,)); a
-    strength is in solid angle over the drop's radius squared, 0 where the image is not seen.
+    camera_m, lamp_m, drop_m and along (3,) in one frame; along need not be a unit vector. Returns ((IMAGES,),
+    (IMAGES,)); a strength is in solid angle over the drop's radius squared, 0 where the image is not seen.
     """
     to_camera, to_lamp = _unit(camera_m - drop_m), _unit(lamp_m - drop_m)
     cosine = float(to_lamp @ to_camera)
     across = to_lamp - cosine * to_camera
     sine = float(np.linalg.norm(across))
     theta = float(np.arctan2(sine, cosine))
-    sideways = float(across @ right) / sine if sine > 0 else 0.0
+    sideways = float(across @ along) / sine if sine > 0 else 0.0
     low, high = max(theta - LAMP_HALF_ANGLE_RAD, 0.0), min(theta + LAMP_HALF_ANGLE_RAD, np.pi)
     offsets, strengths = np.zeros(IMAGES), np.zeros(IMAGES)
     for image, (angle, b, share, side) in enumerate(_images()):

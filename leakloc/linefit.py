@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 
 from leakloc.glints import IMAGES, glint_offsets
 from leakloc.levelled import LevelPair
-from leakloc.lineshape import BLUR_PX, PEAK, blurred_chord, clipped, gaussian, limb
+from leakloc.lineshape import BLUR_PX, PEAK, blurred_chord, gaussian, limb
 from leakloc.rig import Array, Rig
 from leakloc.shadows import penumbra_m, shadow_places
 
@@ -23,11 +23,11 @@ WIDTH_SPREAD = 0.15  # of the logarithm of a shadow's width
 WINDOW_PX = 25
 DARK_PX = 1.5  # standard deviation of a seen shadow's columns, which its drop may have pulled
 STRAY_PX = 1.5  # of a drop from where it was seen, lest it slides onto its shadow
-OVER_SPREAD, MOST_OVER = 5.0, 40.0  # of a glint's peak over the limit that hits are clipped at
 LIMBS = (-1.0, 1.0)  # sides of a drop
 LIMB_SHARE = 0.08  # of the profile's peak: standard deviation of what a limb shows of the walls
-STARTS = ((0.6, 1.0), (1.8, 4.0))  # of the radius over DROP_RADIUS_M, and of what the limit takes of a glint
+START_RADII = (0.6, 1.8)  # of DROP_RADIUS_M
 MODEL_ERROR = 0.02  # of the profile's peak: what the shapes cannot follow
+LEAST_CHI2 = 0.2  # per sample of a bright line: most shapes follow better than that, and say so
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,8 +42,8 @@ class Profile:
 class LineFit:
     """`columns_px` (2,) of the drop, `covariance_px2` (2, 2); `glint_sigmas` (2,): significance of the bright part.
 
-    `chi2` per sample; both uncertainties are already scaled by it where it is more than 1. `glint_shares` (2,): light
-    of the drop over what its strongest shadow in the window takes, inf without one.
+    `chi2` per sample: the covariance is already scaled by it, `glint_sigmas` where it is more than 1. `glint_shares`
+    (2,): light of the drop over what its strongest shadow in the window takes, inf without one.
     """
 
     columns_px: Array
@@ -57,15 +57,17 @@ class LineFit:
 class Prediction:
     """What a leak at a place would look like, per lamp and view.
 
-    `shadows_px` (lamps, 2): columns of its shadows, NaN where there is none or it is not known; `lamp_blur_px`,
-    `drop_px` (lamps, 2): half-widths of its penumbra from the lamp's disc and from a drop of DROP_RADIUS_M; `spread_px`
-    (lamps, 2): standard deviation of what is believed of the column. `glints_px` (lamps, 2, IMAGES): offsets of the
-    lamp's images in such a drop; `glint_light` (lamps, 2, IMAGES): their light, equal lamps, of unit sum in a view.
+    `drop_px` (2,): half-width of a drop of DROP_RADIUS_M. `shadows_px` (lamps, 2): columns of its shadows, NaN where
+    there is none or it is not known; `lamp_blur_px`, `core_px` (lamps, 2): half-widths of its penumbra from the lamp's
+    disc and from such a drop; `spread_px` (lamps, 2): standard deviation of what is believed of the column. `glints_px`
+    (lamps, 2, IMAGES): offsets of the lamp's images in such a drop; `glint_light` (lamps, 2, IMAGES): their light, equal
+    lamps, of unit sum in a view.
     """
 
+    drop_px: Array
     shadows_px: Array
     lamp_blur_px: Array
-    drop_px: Array
+    core_px: Array
     spread_px: Array
     glints_px: Array
     glint_light: Array
@@ -73,7 +75,7 @@ class Prediction:
     @property
     def blur_px(self) -> Array:
         """Half-width (lamps, 2) of the penumbra of a drop of DROP_RADIUS_M."""
-        return np.hypot(self.lamp_blur_px, self.drop_px)
+        return np.hypot(self.lamp_blur_px, self.core_px)
 
 
 def stray(level: LevelPair, start_px: Array) -> float:
@@ -86,19 +88,21 @@ def predict(place_m: Array, level: LevelPair, rig: Rig) -> Prediction:
     """Glints and shadows of a leak at place (2,), as far as lamps and wall are known."""
     lamps = rig.lamps if rig.lamps is not None else np.empty((0, 4))
     n = max(1, len(lamps))
-    shadows, blur, drop, spread = (np.full((n, 2), np.nan) for _ in range(4))
+    shadows, blur, core, spread = (np.full((n, 2), np.nan) for _ in range(4))
     glints, light = np.zeros((n, 2, IMAGES)), np.full((n, 2, IMAGES), 1 / (n * IMAGES))
     drop_m = np.append(place_m, level.centres_m[:, 2].mean())
-    px_per_m = level.focal_px / float(level.depths_m(place_m[None])[0])
+    radius_px = DROP_RADIUS_M * level.focal_px / float(level.depths_m(place_m[None])[0])
+    slopes = (level.columns_of(place_m[None])[0] - level.principal_px[:, 0]) / level.focal_px
     for i, lamp in enumerate(lamps):
-        for view in range(2):
-            offsets, strengths = glint_offsets(level.centres_m[view], lamp[:3], drop_m, level.axes[0])
-            glints[i, view] = DROP_RADIUS_M * px_per_m * offsets
+        for view, slope in enumerate(slopes):
+            along = level.axes[0] - slope * level.axes[2]  # a small step's way along the row, times depth over focal
+            offsets, strengths = glint_offsets(level.centres_m[view], lamp[:3], drop_m, along)
+            glints[i, view] = radius_px * offsets
             light[i, view] = strengths / np.sum((lamp[:3] - drop_m) ** 2)
         if rig.pedestal_radius is not None:
-            shadows[i], blur[i], drop[i], spread[i] = _shadow(place_m, lamp, level, rig.pedestal_radius)
+            shadows[i], blur[i], core[i], spread[i] = _shadow(place_m, lamp, level, rig.pedestal_radius)
     light /= light.sum(axis=(0, 2), keepdims=True)
-    return Prediction(shadows, blur, drop, spread, glints, light)
+    return Prediction(radius_px * np.hypot(1.0, slopes), shadows, blur, core, spread, glints, light)
 
 
 def predict_shadows(place_m: Array, level: LevelPair, rig: Rig) -> Array:
@@ -132,16 +136,16 @@ def _with_shadow(expected: Prediction, dark_px: Array) -> Prediction:
     first = told.copy()
     first[0] = 1.0
     told[0] = dark_px
-    return replace(expected, shadows_px=told, lamp_blur_px=first, drop_px=first, spread_px=DARK_PX * first)
+    return replace(expected, shadows_px=told, lamp_blur_px=first, core_px=first, spread_px=DARK_PX * first)
 
 
 class _Problem:
     """Residuals of one leak's model.
 
     Parameters: the drop's two columns; the logarithms of its radius over DROP_RADIUS_M and of the blur over BLUR_PX;
-    what the limit for hits takes of its glints in either view; the logarithm of each further lamp's power over the
-    first one's; then per shadow how far its two columns stray from where lamp and wall put them, and the logarithm of
-    its width over the predicted one. Limbs and limit are for bright lines: beside a shadow they could stand for it.
+    the logarithm of each further lamp's power over the first one's; then per shadow how far its two columns stray from
+    where lamp and wall put them, and the logarithm of its width over the predicted one. Limbs are for bright lines:
+    beside a shadow they could stand for it.
     """
 
     def __init__(
@@ -171,45 +175,42 @@ class _Problem:
         self.lamps = len(self.expected.glints_px)
         self.limbs = limbs
         self.light = [float(np.abs(d).max()) / PEAK for d in self.data]
-        self.drop_px = DROP_RADIUS_M * level.focal_px / float(level.depths_m(level.places_of(start_px[None]))[0])
-        self.first = 5 + self.lamps  # of the shadows' parameters
+        self.first = 3 + self.lamps  # of the shadows' parameters
         self.start = np.concatenate([start_px, np.zeros(self.first - 2 + 3 * len(self.shadows))])
         self.stray_px = stray(level, start_px) if self.limbs else STRAY_PX
         self.spreads = np.concatenate(
             [
-                [RADIUS_SPREAD, BLUR_SPREAD, OVER_SPREAD, OVER_SPREAD],
+                [RADIUS_SPREAD, BLUR_SPREAD],
                 np.full(self.lamps - 1, LAMP_SPREAD),
                 *(np.append(self.expected.spread_px[lamp], WIDTH_SPREAD) for lamp in self.shadows),
             ]
         )
 
     def starts(self) -> list[Array]:
-        """Of a bright line a small drop, and a large one whose glints the limit takes: a ridge lies between them."""
+        """Of a bright line a small drop and a large one: several glints of the one may look like one of the other."""
         if not self.limbs:
             return [self.start]
-        known, rest = self.start[:2], self.start[6:]
-        return [np.concatenate([known, [np.log(radius), 0.0, over, over], rest]) for radius, over in STARTS]
+        return [np.concatenate([self.start[:2], [np.log(radius)], self.start[3:]]) for radius in START_RADII]
 
     def bounds(self) -> tuple[Array, Array]:
         """Least and greatest parameters: the drop stays where it was seen, radius and blur what they can be."""
         least, most = np.full_like(self.start, -np.inf), np.full_like(self.start, np.inf)
         least[:2], most[:2] = self.start[:2] - self.stray_px, self.start[:2] + self.stray_px
         (least[2], most[2]), (least[3], most[3]) = np.log(RADIUS_FACTORS), np.log(BLUR_FACTORS)
-        least[4:6], most[4:6] = 0.0, MOST_OVER if self.limbs else 1e-9
         return least, most
 
     def shapes(self, theta: Array, view: int) -> Array:
         """Columns' light of unit glints, of a drop's limbs if they are asked for, and of unit shadows, (columns, n)."""
         x, radius, blur_px = self.columns[view], np.exp(theta[2]), BLUR_PX * np.exp(theta[3])
-        light = self.expected.glint_light[:, view] * np.exp(np.append(0.0, theta[6 : self.first]))[:, None]
+        light = self.expected.glint_light[:, view] * np.exp(np.append(0.0, theta[4 : self.first]))[:, None]
         at = theta[view] + radius * self.expected.glints_px[:, view]
         glints = gaussian(x[:, None], at.ravel(), blur_px) @ (light / light.sum()).ravel()
-        parts = [clipped(glints, theta[4 + view])]
-        parts += [limb(x, theta[view], radius * self.drop_px, blur_px, side) for side in self.limbs]
+        parts = [glints / glints.sum()]
+        parts += [limb(x, theta[view], radius * self.expected.drop_px[view], blur_px, side) for side in self.limbs]
         if len(self.shadows):
             shadows_px = self.shadows_px(theta)[:, view]
             for k, lamp in enumerate(self.shadows):
-                half_px = np.hypot(self.expected.lamp_blur_px[lamp, view], radius * self.expected.drop_px[lamp, view])
+                half_px = np.hypot(self.expected.lamp_blur_px[lamp, view], radius * self.expected.core_px[lamp, view])
                 parts.append(blurred_chord(x, shadows_px[k], half_px * np.exp(theta[self.first + 3 * k + 2]), blur_px))
         return np.stack(parts, axis=1)
 
@@ -250,7 +251,7 @@ def fit_line(
 
 
 def fit_bright_line(profiles: Sequence[Profile], start_px: Array, stage: tuple[LevelPair, Rig]) -> LineFit:
-    """The same where nothing but a drop is seen: its limbs, and what the limit for hits takes, are fitted as well."""
+    """The same where nothing but a drop is seen: its limbs are fitted as well."""
     return _least_squares(_Problem(profiles, start_px, stage, None, LIMBS), profiles)
 
 
@@ -265,9 +266,9 @@ def _least_squares(problem: _Problem, profiles: Sequence[Profile]) -> LineFit:
     )
     light, rest = zip(*(problem.amplitudes(found.x, view) for view in range(2)), strict=True)
     chi2 = float((np.concatenate(rest) ** 2).mean())
-    poor = max(1.0, chi2)
-    covariance = np.linalg.pinv(found.jac.T @ found.jac)[:2, :2] * poor
+    covariance = np.linalg.pinv(found.jac.T @ found.jac)[:2, :2] * max(LEAST_CHI2 if problem.limbs else 1.0, chi2)
     peak = float(gaussian(np.zeros(1), 0.0, BLUR_PX * np.sqrt(2))[0]) ** 0.5  # norm of a unit glint
-    glint_sigmas = np.array([a[0] * peak / p.sigma for a, p in zip(light, profiles, strict=True)]) / np.sqrt(poor)
+    glint_sigmas = np.array([a[0] * peak / p.sigma for a, p in zip(light, profiles, strict=True)])
+    glint_sigmas /= np.sqrt(max(1.0, chi2))
     taken = np.array([max(-a[1 + len(problem.limbs) :].min(initial=0.0), 1e-9) for a in light])
     return LineFit(found.x[:2], covariance, glint_sigmas, np.array([a[0] for a in light]) / taken, chi2)

@@ -12,7 +12,6 @@ CHORD_ANGLES = np.arange(1, CHORD_NODES + 1) * np.pi / (CHORD_NODES + 1)
 CHORD_PLACES, CHORD_WEIGHTS = np.cos(CHORD_ANGLES), np.sin(CHORD_ANGLES) ** 2 / (np.sin(CHORD_ANGLES) ** 2).sum()
 PEAK = 1 / (np.sqrt(2 * np.pi) * BLUR_PX)  # of a point's image of unit light
 LIMB_FROM = 0.4  # of a drop's radius: nearer the middle its glints outshine it
-LEAST_OVER = 1e-6  # of a glint's peak over the limit: less is not clipped at all
 
 
 def gaussian(columns_px: Array, centre_px: float | Array, sigma_px: float) -> Array:
@@ -37,12 +36,3 @@ def limb(columns_px: Array, centre_px: float, radius_px: float, blur_px: float, 
     outer = side * CHORD_PLACES > LIMB_FROM
     places, weights = centre_px + radius_px * CHORD_PLACES[outer], CHORD_WEIGHTS[outer]
     return np.asarray(gaussian(columns_px[:, None], places, blur_px) @ (weights / weights.sum()))
-
-
-def clipped(light: Array, over: float) -> Array:
-    """A glint's light (n,) whose bright parts the limit for hits takes, of unit sum again.
-
-    `over`: the peak of a point's image over the limit; the noise about the limit rounds its corner.
-    """
-    kept = -np.expm1(-over * light / PEAK) if over > LEAST_OVER else light
-    return np.asarray(kept / kept.sum())

@@ -30,8 +30,9 @@ from leakloc.verdict import LEAK, Verdict
 EDGE_PX = 3
 COUNT_STEP = 4  # columns that share a threshold
 FARTHEST_M = 10.0  # ground beyond counts no more than there
-SYSTEMATIC_RADII = 0.045  # of a drop's column: what it shows of the walls is not known, and lies off its middle
-SYSTEMATIC_RADII_BESIDE = 0.065  # where a shadow stands beside it
+SYSTEMATIC_RADII = 0.012  # of a drop's column: what it shows of the walls is not known, and lies off its middle
+SYSTEMATIC_RADII_BESIDE = 0.03  # where a shadow stands beside it
+SYSTEMATIC_RADII_UNTOLD = 0.1  # where the lamps are unknown, and with them where the glints lie
 LEVEL_ROUNDS = 3
 LINE_REACH_M, LINE_POINTS = 1.0, 81  # of a plumb line above and below the cameras, to see where it crosses mid-row
 SETTLED_RAD = np.radians(0.03)  # half a pixel between the top and the bottom of an image of 1000 rows
@@ -126,10 +127,13 @@ def turned(leaning: Sequence[Streaks], believed: LevelPair, tilt_rad: Array) -> 
     if not tilt_rad.any():
         return list(leaning)
     columns = np.arange(believed.image_size[0], dtype=np.float64)
-    return [
-        replace(view, activity=upright(view.activity, leaning_columns(believed, tilt_rad, i, view.rows_px, columns)))
-        for i, view in enumerate(leaning)
-    ]
+    stood = []
+    for i, view in enumerate(leaning):
+        leaning_px = leaning_columns(believed, tilt_rad, i, view.rows_px, columns)
+        stood.append(
+            replace(view, activity=upright(view.activity, leaning_px), glitter=upright(view.glitter, leaning_px))
+        )
+    return stood
 
 
 def raw_columns(place_m: Array, rig: Rig) -> tuple[float, float]:
@@ -154,8 +158,7 @@ def _leak(verdict: Verdict, level: LevelPair, rig: Rig) -> LeakEstimate:
     columns_px = verdict.fit.columns_px
     place_m = level.places_of(columns_px[None])[0]
     drop_px = DROP_RADIUS_M * level.focal_px / float(level.depths_m(place_m[None])[0])
-    systematic = SYSTEMATIC_RADII if verdict.line.track.bright else SYSTEMATIC_RADII_BESIDE
-    covariance = verdict.fit.covariance_px2 + (systematic * drop_px) ** 2 * np.eye(2)
+    covariance = verdict.fit.covariance_px2 + (_systematic_radii(verdict, rig) * drop_px) ** 2 * np.eye(2)
     slopes = level.place_slopes(columns_px)
     left_px, right_px = raw_columns(place_m, rig)
     return LeakEstimate(
@@ -167,6 +170,12 @@ def _leak(verdict: Verdict, level: LevelPair, rig: Rig) -> LeakEstimate:
         right_column_px=right_px,
         column_sigma_px=float(np.sqrt(np.trace(covariance) / 2)),
     )
+
+
+def _systematic_radii(verdict: Verdict, rig: Rig) -> float:
+    if rig.lamps is None:
+        return SYSTEMATIC_RADII_UNTOLD
+    return SYSTEMATIC_RADII if verdict.line.track.bright else SYSTEMATIC_RADII_BESIDE
 
 
 def _describe(seen: Upright, verdicts: Sequence[Verdict], least: NDArray[np.float32]) -> dict[str, Any]:

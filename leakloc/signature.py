@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from leakloc.linefit import Profile
-from leakloc.streaks import Activity, Streaks
+from leakloc.streaks import Activity
 
 Signature = NDArray[np.float64]  # (frames, bands), positive while something passes
 
@@ -46,7 +46,12 @@ def signed_profile(activity: Activity, other_view: Signature) -> Profile:
     return Profile(values, max(1.4826 * float(np.median(np.abs(values))), LEAST_SIGMA))
 
 
-def signed_profiles(views: Sequence[Streaks], columns_px: NDArray[np.float64], polarity: float) -> list[Profile]:
-    """Both views' profiles of a line at columns (2,), each by the other view's signature."""
-    left, right = (signature(view.activity, int(c), polarity) for view, c in zip(views, columns_px, strict=True))
-    return [signed_profile(views[0].activity, right), signed_profile(views[1].activity, left)]
+def signed_profiles(activities: Sequence[Activity], columns_px: NDArray[np.float64], polarity: float) -> list[Profile]:
+    """Profiles of a line at columns (2,) in both views' activities, each by the other view's signature."""
+    left, right = (signature(one, int(c), polarity) for one, c in zip(activities, columns_px, strict=True))
+    return [signed_profile(activities[0], right), signed_profile(activities[1], left)]
+
+
+def bright_sigmas(profiles: Sequence[Profile], columns_px: NDArray[np.float64]) -> float:
+    """How far the weaker view's profile stands out on the line's columns (2,), in standard deviations."""
+    return min(float(p.values[int(c)]) / p.sigma for p, c in zip(profiles, columns_px, strict=True))

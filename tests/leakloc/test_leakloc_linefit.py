@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.stats import binom
 
 from leakloc.levelled import level_pair
 from leakloc.linefit import DROP_RADIUS_M, RADIUS_FACTORS, RADIUS_SPREAD, Profile, fit_bright_line, fit_line, predict
-from leakloc.lineshape import BLUR_PX, PEAK, gaussian, limb
+from leakloc.lineshape import BLUR_PX, gaussian, limb
 from leakloc.rig import Rig
 
 LAMP = np.array([[-2.3, 0.8, 0.4, 0.1]])
@@ -21,19 +23,15 @@ def with_lamps(rig, lamps=LAMP):
     return Rig(rig.K1, rig.D1, rig.K2, rig.D2, rig.R, rig.T, rig.image_size, rig.world_from_left, lamps)
 
 
-def glinting(place_m, radius_factor, stage, rng, over=None):
-    """Noisy profiles of a drop of so many believed radii, without a wall and so without shadows.
-
-    over: the peak of a point's image over the limit that hits are clipped at; None without a limit.
-    """
+def glinting(place_m, radius_factor, stage, rng, light=60):
+    """Noisy profiles of a drop of so many believed radii, without a wall and so without shadows."""
     level, rig = stage
     expected, columns_px = predict(place_m, level, rig), level.columns_of(place_m[None])[0]
     x, profiles = np.arange(960.0), []
     for view in range(2):
         at = columns_px[view] + radius_factor * expected.glints_px[:, view]
         shape = gaussian(x[:, None], at.ravel(), BLUR_PX) @ expected.glint_light[:, view].ravel()
-        seen = 60 * shape if over is None else 70 * (1 - np.exp(-over * shape / PEAK))
-        profiles.append(Profile(seen + rng.normal(0, 1, 960), 1.0))
+        profiles.append(Profile(light * shape + rng.normal(0, 1, 960), 1.0))
     return profiles, columns_px
 
 
@@ -66,16 +64,30 @@ def test_a_drop_of_the_believed_radius_is_found_within_its_noise(make_rig):
     assert (np.abs(np.mean(errors_px, axis=0)) < 0.3 * np.abs(middle_px)).all()
 
 
-@pytest.mark.parametrize("over", [3.0, 20.0])
-def test_glints_that_the_limit_for_hits_cuts_flat_still_tell_the_columns(make_rig, over):
-    # two groups of glints, as of a drop between two lamps, each many times brighter than the limit
+@pytest.mark.parametrize("factor", [0.6, 1.9])
+def test_a_drop_between_two_lamps_is_not_mistaken_for_a_smaller_or_a_larger_one(make_rig, factor):
     rig, rng = with_lamps(make_rig(), BOTH_SIDES), np.random.default_rng(13)
     level, place_m = level_pair(rig), np.array([0.1, 0.2])
     for _ in range(10):
-        profiles, columns_px = glinting(place_m, 1.9, (level, rig), rng, over)
+        profiles, columns_px = glinting(place_m, factor, (level, rig), rng, 300)
         fit = fit_bright_line(profiles, np.rint(columns_px) + np.array([2, -1]), (level, rig))
         assert np.abs(fit.columns_px - columns_px).max() < 0.15
         assert fit.chi2 < 3
+
+
+@given(st.floats(-0.5, 1.5), st.floats(-1.8, 1.8), st.floats(-2.3, -1.5), st.floats(-1.0, 1.0))
+def test_a_mirrored_glint_is_seen_where_the_drop_mirrors_the_lamp_on_and_off_the_axis(
+    make_rig, x_m, y_m, lamp_x_m, lamp_y_m
+):
+    rig = with_lamps(make_rig(), np.array([[lamp_x_m, lamp_y_m, 0.0, 0.1]]))
+    level, place_m = level_pair(rig), np.array([x_m, y_m])
+    expected = predict(place_m, level, rig)
+    for view, camera_m in enumerate(level.centres_m):
+        to_lamp, to_camera = (end[:2] - place_m for end in (rig.lamps[0], camera_m))
+        between = to_lamp / np.linalg.norm(to_lamp) + to_camera / np.linalg.norm(to_camera)
+        mirror_m = place_m + 1e-5 * between / np.linalg.norm(between)
+        off_px = (level.columns_of(mirror_m[None]) - level.columns_of(place_m[None]))[0, view]
+        assert expected.glints_px[0, view, 0] == pytest.approx(off_px * DROP_RADIUS_M / 1e-5, abs=2e-3)
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
@@ -91,7 +103,7 @@ def test_a_bright_and_a_dark_limb_do_not_push_the_drop_aside(make_rig):
     level, place_m, x = level_pair(rig), np.array([0.0, 0.1]), np.arange(960.0)
     with_limbs_px, without_px = [], []
     for _ in range(10):
-        profiles, columns_px = glinting(place_m, 1.9, (level, rig), rng, over=7.0)
+        profiles, columns_px = glinting(place_m, 1.9, (level, rig), rng, 150)
         radius_px = 1.9 * DROP_RADIUS_M * level.focal_px / float(level.depths_m(place_m[None])[0])
         shown = [
             Profile(p.values + 8 * (limb(x, c, radius_px, BLUR_PX, 1.0) - limb(x, c, radius_px, BLUR_PX, -1.0)), 1.0)

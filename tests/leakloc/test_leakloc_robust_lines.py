@@ -10,7 +10,7 @@ from leakloc.condition import DARK, FROZEN, SATURATED, describe_condition
 from leakloc.correlate import agreement, threshold_sigmas
 from leakloc.levelled import level_pair
 from leakloc.levelling import fit_tilt, slope_of
-from leakloc.streaks import band_sums, best_bright_clip, streaks
+from leakloc.streaks import band_sums, best_bright_clip, streak_median, streaks
 from leakloc.tilt import leaning_columns
 from leakloc.tracks import match_tracks
 
@@ -37,6 +37,28 @@ def test_band_sums_are_clipped_frames_summed_over_bands(seed, n, height):
     bands = height // rows
     slow = np.clip(frames, low, high)[:, : bands * rows].reshape(n, bands, rows, 40).sum(axis=2, dtype=np.float64)
     np.testing.assert_array_equal(sums, slow)
+
+
+@given(st.integers(0, 2**32), st.integers(5, 40), st.sampled_from([np.uint8, np.uint16]))
+def test_the_streak_median_is_that_of_five_rows_of_a_column(seed, height, dtype):
+    frame = np.random.default_rng(seed).integers(0, np.iinfo(dtype).max, (height, 7), dtype, endpoint=True)
+    rows = np.pad(frame, ((2, 2), (0, 0)), mode="edge")
+    slow = np.median([rows[i : i + height] for i in range(5)], axis=0)
+    np.testing.assert_array_equal(streak_median(frame), slow)
+
+
+@given(st.integers(6, 30), st.integers(10, 150), st.integers(1, 2))
+def test_a_long_streak_passes_whole_where_a_short_hit_is_cut_off(length, grey, hit_length):
+    frames = np.full((1, 60, 20), 50, np.uint8)
+    frames[0, 20 : 20 + length, 5] += grey
+    frames[0, 20 : 20 + hit_length, 12] += grey
+    limits = np.zeros((60, 20), np.uint8), np.full((60, 20), 54, np.uint8)
+    cut = np.minimum(frames.astype(int) - 50, 4).sum(axis=(0, 1))
+    activity = band_sums(frames, *limits)[0].sum(axis=(0, 1)) - 60 * 50
+    glitter = band_sums(frames, *limits, np.full((60, 20), 4, np.uint8))[0].sum(axis=(0, 1)) - 60 * 50
+    np.testing.assert_array_equal(activity, cut)
+    assert glitter[5] == length * grey
+    assert glitter[12] == cut[12]
 
 
 def test_the_bright_limit_is_wide_without_hits_and_tight_with_them():
