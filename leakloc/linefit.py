@@ -60,8 +60,8 @@ class Prediction:
     `drop_px` (2,): half-width of a drop of DROP_RADIUS_M. `shadows_px` (lamps, 2): columns of its shadows, NaN where
     there is none or it is not known; `lamp_blur_px`, `core_px` (lamps, 2): half-widths of its penumbra from the lamp's
     disc and from such a drop; `spread_px` (lamps, 2): standard deviation of what is believed of the column. `glints_px`
-    (lamps, 2, IMAGES): offsets of the lamp's images in such a drop; `glint_light` (lamps, 2, IMAGES): their light, equal
-    lamps, of unit sum in a view.
+    (lamps, 2, IMAGES): offsets of the lamp's images in such a drop; `glint_light` (lamps, 2, IMAGES): their light,
+    equal lamps, of unit sum in a view.
     """
 
     drop_px: Array

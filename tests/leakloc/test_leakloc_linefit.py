@@ -106,7 +106,7 @@ def test_a_bright_and_a_dark_limb_do_not_push_the_drop_aside(make_rig):
         profiles, columns_px = glinting(place_m, 1.9, (level, rig), rng, 150)
         radius_px = 1.9 * DROP_RADIUS_M * level.focal_px / float(level.depths_m(place_m[None])[0])
         shown = [
-            Profile(p.values + 8 * (limb(x, c, radius_px, BLUR_PX, 1.0) - limb(x, c, radius_px, BLUR_PX, -1.0)), 1.0)
+            Profile(p.values + 16 * (limb(x, c, radius_px, BLUR_PX, 1.0) - limb(x, c, radius_px, BLUR_PX, -1.0)), 1.0)
             for p, c in zip(profiles, columns_px, strict=True)
         ]
         for found, fit in ((with_limbs_px, fit_bright_line), (without_px, fit_line)):
