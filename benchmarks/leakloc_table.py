@@ -8,7 +8,17 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "leakloc"))
 
-from robust_table import ALPHA, BETA, PRINTED_ONLY, ROWS, crowded_counts, line, panned_counts, row_counts
+from robust_table import (
+    ALPHA,
+    BETA,
+    PRINTED_ONLY,
+    ROWS,
+    crowded_counts,
+    line,
+    misled_counts,
+    panned_counts,
+    row_counts,
+)
 
 
 def main():
@@ -19,6 +29,7 @@ def main():
         print(line(row.name, row_counts(row, clips), bars), flush=True)
     for row in PRINTED_ONLY:
         print(line(row.name, row_counts(row, clips or 12), "no bar: where it breaks"), flush=True)
+    print(line("lamp, wall wrong", misled_counts(clips or 25), "bars 95%, 0.03 m"), flush=True)
     print(line("crowded, Table 1", crowded_counts(), "bars 24/24, 0.01 m"), flush=True)
     found, seen, false, errors_m = panned_counts(clips or 12)
     print(f"{'three pan angles':<20}{found:>3}/{seen:<3} in view of any  false {false}  error {errors_m.mean():.4f}")

@@ -40,6 +40,7 @@ SURE_GLINT_SIGMAS = 12.0  # a drop beside a shadow that also is where another le
 EDGE_PX = 3.0  # from a view's edge a line is not seen whole
 
 WHOLE_SIGMAS = 10.0  # of what is bright: then its whole shape is worth fitting
+SURE_RELIEF = 3.5  # standard deviations of the median's columns, of both views together
 GHOST_SHARE = 0.6  # of the significance of the leaks whose columns a ghost has
 
 
@@ -76,9 +77,24 @@ def understand(track: Track, views: Sequence[Streaks], level: LevelPair, rig: Ri
     columns_px = np.array([track.left_px, track.right_px], dtype=np.float64)
     side = float(np.mean([polarity(view.activity, int(c)) for view, c in zip(views, columns_px, strict=True)]))
     on_wall = stands_on_wall(columns_px, level, rig)
+    held = median_side(columns_px, views)
+    if held == (-1.0 if on_wall else 1.0):
+        side = held
     if on_wall and side < 0:  # the background of a busy shadow is dark: its pauses look bright
         track = replace(track, bright=False)
     return Line(track, columns_px, level.places_of(columns_px[None])[0], 1.0 if track.bright else side, on_wall)
+
+
+def median_side(columns_px: Array, views: Sequence[Streaks]) -> float:
+    """1 if the median shows a bright line on the columns (2,), -1 a dark one, 0 none for certain.
+
+    What falls most of the time is part of the background, and its pauses look like something of the other side.
+    """
+    reliefs = [view.relief[max(0, int(c) - 1) : int(c) + 2] for view, c in zip(views, columns_px, strict=True)]
+    for side in (1.0, -1.0):
+        if together(*(np.max(side * one) for one in reliefs)) > SURE_RELIEF:
+            return side
+    return 0.0
 
 
 def may_meet(place_m: Array, level: LevelPair, rig: Rig) -> bool:

@@ -32,6 +32,7 @@ BRIGHTNESS_BINS = 8
 NOISE_STEP_PX = 7  # every seventh row and column is enough to measure the noise
 FLICKER_STEP_PX = 5
 DEAD = 0.01  # energy of a band without noise, so that in a clip without any all bands are alike
+RELIEF_PX = 5  # a drop's columns are nearer to its middle, a wall's stains farther
 TILE_PX = 32  # columns that share one noise scale,
 TILE_STEP_PX = 3  # and every how many of them are asked
 
@@ -44,7 +45,8 @@ class Streaks:
     rounding. `glitter` (n, bands, width): the same in the same units, what is bright or dark along a streak whole.
     `scale_grey` (bands, width): noise of a band's mean, grey. `rows_px` (bands,): middle rows. `noise_grey`: a pixel's
     noise, median over the image. `alive` (width,): share of a column's bands that its noise comes from, 1 where all are
-    alike: black or white bands say nothing, and the few others speak for all.
+    alike: black or white bands say nothing, and the few others speak for all. `relief` (width,): how much a column of
+    the median stands out from those beside it, in standard deviations: what falls most of the time stays in the median.
     """
 
     activity: Activity
@@ -53,6 +55,7 @@ class Streaks:
     rows_px: NDArray[np.float64]
     noise_grey: float
     alive: NDArray[np.float64]
+    relief: NDArray[np.float64]
 
 
 def streaks(frames: Frames) -> Streaks:
@@ -71,7 +74,9 @@ def streaks(frames: Frames) -> Streaks:
     alive = energy.sum(axis=0) ** 2 / (len(energy) * (energy**2).sum(axis=0))
     activity, glitter = (_steady(one / scale) for one in (sums, glitter))
     usual_grey = float(np.median(noise_grey[_level(median, NOISE_STEP_PX)]))
-    return Streaks(activity, glitter, (scale / band_rows).astype(np.float32), rows_px, usual_grey, alive)
+    return Streaks(
+        activity, glitter, (scale / band_rows).astype(np.float32), rows_px, usual_grey, alive, relief(median)
+    )
 
 
 def _steady(activity: Activity) -> Activity:
@@ -84,6 +89,15 @@ def _steady(activity: Activity) -> Activity:
 def _level(median: TemporalMedian, step: int = 1) -> NDArray[np.intp]:
     """Brightness of every step-th row and column in half grey levels, which a median of whole ones keeps."""
     return median.lower[::step, ::step].astype(np.intp) + median.upper[::step, ::step]
+
+
+def relief(median: TemporalMedian) -> NDArray[np.float64]:
+    """Mean of every column over those RELIEF_PX to both sides, in robust standard deviations, (width,)."""
+    column = (median.lower.mean(axis=0) + median.upper.mean(axis=0)) / 2
+    beside = np.pad(column, RELIEF_PX, mode="edge")
+    over = column - (beside[: -2 * RELIEF_PX] + beside[2 * RELIEF_PX :]) / 2
+    spread = 1.4826 * float(np.median(np.abs(over - np.median(over))))
+    return over / max(spread, NOISE_FLOOR_GREY)
 
 
 def pixel_noise(frames: Frames, median: TemporalMedian) -> tuple[NDArray[np.float64], float]:

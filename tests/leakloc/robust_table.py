@@ -5,7 +5,7 @@ found. A row's claim about clips: a method that succeeds at `p0` or better fails
 `p1` or worse passes with BETA at most; p0 is the bar on leaks to the power of the usual number of leaks in a clip.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,6 +20,7 @@ ALPHA, BETA = 1e-3, 0.05
 FIRST_SEED = 1000
 PANS_DEG = (-40.0, 0.0, 40.0)
 UNTOLD = ("believed_rig.lamps=unknown", "believed_rig.pedestal=unknown")
+LAMP_OFF_M, WALL_OFF = 0.1, 0.02  # how wrong a rig file's lamps and its wall (share of the radius) may be
 FALSE_PER_CLIP = 0.1  # twice what is expected
 
 
@@ -107,6 +108,34 @@ def scored(preset, changes, seed):
     clip = simulate(read_scenario(preset, list(changes), seed=seed))
     estimate = locate(clip.left, clip.right, clip.believed_rig)
     return score([(leak.x_m, leak.y_m) for leak in estimate.leaks], clip.truth).gated
+
+
+def misled_rig(rig, seed):
+    """The rig with its lamps LAMP_OFF_M off to a random side and its wall too near or too far in turn."""
+    off = np.random.default_rng(seed).normal(size=3)
+    lamps = rig.lamps + LAMP_OFF_M * np.append(off / np.linalg.norm(off), 0.0)
+    return replace(rig, lamps=lamps, pedestal_radius=rig.pedestal_radius * (1 + WALL_OFF * (-1) ** seed))
+
+
+def misled_counts(clips):
+    """`separated` at H, with lamps and wall slightly wrong."""
+    scores = []
+    for seed in range(FIRST_SEED, FIRST_SEED + clips):
+        clip = simulate(read_scenario("separated", [], seed=seed))
+        estimate = locate(clip.left, clip.right, misled_rig(clip.believed_rig, seed))
+        scores.append(score([(leak.x_m, leak.y_m) for leak in estimate.leaks], clip.truth).gated)
+    return counted(scores)
+
+
+def false_leaks(clips, changes, expected):
+    """False leaks (len(expected), clips) of clips without leaks, at every setting of expected_false_leaks."""
+    counts = np.empty((len(expected), clips), int)
+    for column, seed in enumerate(range(FIRST_SEED, FIRST_SEED + clips)):
+        clip = simulate(read_scenario("separated", ["layout.n_leaks=0", *changes], seed=seed))
+        for row, rate in enumerate(expected):
+            estimate = locate(clip.left, clip.right, clip.believed_rig, expected_false_leaks=rate)
+            counts[row, column] = len(estimate.leaks)
+    return counts
 
 
 def row_counts(row, clips=None):

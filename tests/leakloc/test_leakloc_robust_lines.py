@@ -70,6 +70,18 @@ def test_the_bright_limit_is_wide_without_hits_and_tight_with_them():
     assert best_bright_clip(np.zeros(1000)) >= 3.0
 
 
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_line_that_stays_in_the_median_stands_out_of_it_to_its_own_side(side):
+    rng = np.random.default_rng(4)
+    frames = raining([(200, side)], rng, grey=0.0)
+    held = np.array(frames)
+    held[:18, :, 199:202] = np.clip(held[:18, :, 199:202].astype(int) + 12 * side, 0, 255)  # 18 of 24 frames
+    relief = streaks(held).relief
+    assert int(np.argmax(side * relief)) in (199, 200, 201)
+    assert side * relief[200] > 6
+    assert np.abs(streaks(frames).relief).max() < 5  # 320 columns of noise
+
+
 def test_the_same_drops_agree_and_hits_do_not():
     rng = np.random.default_rng(2)
     left = streaks(raining([(200, 1), (90, -1)], rng))

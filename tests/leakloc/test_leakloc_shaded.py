@@ -92,7 +92,14 @@ def shadowed_views(level, place, rng, drop_amplitude):
                         activity[view, frame, band] += shape(x - columns[view])
     for view in range(2):
         views.append(
-            Streaks(*[activity[view].astype(np.float32)] * 2, np.ones((36, 960), np.float32), ROWS, 1.0, np.ones(960))
+            Streaks(
+                *[activity[view].astype(np.float32)] * 2,
+                np.ones((36, 960), np.float32),
+                ROWS,
+                1.0,
+                np.ones(960),
+                np.zeros(960),
+            )
         )
     return views, shadow_px
 
