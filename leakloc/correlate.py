@@ -28,7 +28,7 @@ LEAST_ENERGY = 0.2  # of a sample's noise: a dead column must not turn rounding 
 LEAST_NOISY_COLUMNS = 30  # of those looked at: fewer cannot say how unrelated columns scatter
 SCALE_STEP = 3  # every third pair of columns is enough to measure how unrelated ones scatter
 BRIGHT_FROM, BRIGHT_TO = 1.0, 4.0  # noise units of a band: nothing is left where shadows pass, little of a hit
-KINDS = 4  # looks at a pair that are nearly independent: two folds and two falls, which overlap, and bright ones
+KINDS = 5  # looks at a pair that are nearly independent: two folds and two falls, which overlap, and bright ones
 MOST_STEP = 2  # frames that a stereo pair is believed to be out of step at most
 STEP_GAIN, STEP_SIGMAS = 1.3, 8.0  # over no step; of the best pair
 STEP_COLUMNS = 3  # summed where a step is asked: a line's width
@@ -58,8 +58,10 @@ def agreement(left: Streaks, right: Streaks, paths: Sequence[FallPath] = ()) -> 
     activities = left.activity, right.activity
     samples = [(_samples(activities[0], fold), _samples(activities[1], fold)) for fold in FOLDS]
     samples += [(_samples(one, 1), _samples(other, 1)) for one, other in fallen(activities, paths)]
-    shining = [np.clip(activity, BRIGHT_FROM, BRIGHT_TO) for activity in activities]
-    lit = [(_samples(shining[0], fold), _samples(shining[1], fold)) for fold in FOLDS]
+    shining = [
+        [np.clip(one, BRIGHT_FROM, BRIGHT_TO) for one in both] for both in (activities, (left.glitter, right.glitter))
+    ]
+    lit = [(_samples(both[0], fold), _samples(both[1], fold)) for both in shining for fold in FOLDS]
     with ThreadPoolExecutor(2) as threads:
         signed, bright = threads.map(_best_root, (samples, lit))
     share = np.sqrt(np.minimum.outer(left.alive, right.alive)).astype(np.float32)

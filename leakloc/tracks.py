@@ -11,7 +11,7 @@ from scipy.optimize import linear_sum_assignment
 Sigmas = NDArray[np.float32]  # (width left, width right), standard deviations of unrelated columns
 
 APART_PX = 3  # two peaks nearer than this are one
-BRIGHT_SHARE = 1.5  # of the threshold, for bright lines: hits leave sparse samples, whose chance has a longer tail
+BRIGHT_SHARE = 1.35  # of the threshold, for bright lines: hits leave sparse samples, whose chance has a longer tail
 NEAR_PX = 1  # a pair's agreement is the best within this of both columns
 
 
