@@ -10,7 +10,7 @@ import numpy as np
 from leakloc.beside import drop_beside_shadow, together
 from leakloc.betrayed import with_betrayed
 from leakloc.levelled import LevelPair
-from leakloc.linefit import fit_bright_line, fit_line
+from leakloc.linefit import Profile, fit_bright_line, fit_line
 from leakloc.rig import Array, Rig
 from leakloc.signature import bright_sigmas, polarity, signed_profiles
 from leakloc.streaks import Streaks
@@ -38,7 +38,6 @@ WALL_PX = 1.5  # error of a line's disparity when it is asked whether it stands 
 LEAST_GLINT_SHARE = 0.04  # of what the shadow beside takes: walls of a reflectance of 0.5 leave that
 SURE_GLINT_SIGMAS = 12.0  # a drop beside a shadow that also is where another leak throws one
 EDGE_PX = 3.0  # from a view's edge a line is not seen whole
-
 WHOLE_SIGMAS = 10.0  # of what is bright: then its whole shape is worth fitting
 SURE_RELIEF = 3.5  # standard deviations of the median's columns, of both views together
 GHOST_SHARE = 0.6  # of the significance of the leaks whose columns a ghost has
@@ -92,7 +91,8 @@ def median_side(columns_px: Array, views: Sequence[Streaks]) -> float:
     """
     reliefs = [view.relief[max(0, int(c) - 1) : int(c) + 2] for view, c in zip(views, columns_px, strict=True)]
     for side in (1.0, -1.0):
-        if together(*(np.max(side * one) for one in reliefs)) > SURE_RELIEF:
+        left, right = (np.asarray((side * one).max()) for one in reliefs)
+        if together(left, right) > SURE_RELIEF:
             return side
     return 0.0
 
@@ -122,17 +122,8 @@ def judge(line: Line, views: Sequence[Streaks], stage: tuple[LevelPair, Rig], fo
     if not any(may_meet(level.places_of(columns[None])[0], level, rig) for columns in (line.columns_px, nearer_px)):
         return Verdict(line, NO_MEETING)
     shadowy = line.is_shadowy
-    seen = [
-        signed_profiles(activities, line.columns_px, -1.0 if line.polarity < 0 and shadowy else 1.0)
-        for activities in zip(*((view.activity, view.glitter) for view in views), strict=True)
-    ]
-    if not shadowy:
-        start_px = line.columns_px
-        profiles = seen[_clearest([bright_sigmas(one, line.columns_px) for one in seen])]
-    else:
-        beside = [drop_beside_shadow(profiles, line.columns_px, level, rig) for profiles in seen]
-        clearest = _clearest([sigmas for _, sigmas in beside])
-        (start_px, height), profiles = beside[clearest], seen[clearest]
+    profiles, start_px, height = _clearest(line, views, stage)
+    if shadowy:
         if height < LEAST_GLINT_SIGMAS:
             return Verdict(line, SHADOW)
         known = any((np.abs(leak.columns_px - start_px) < SAME_PX).all() for leak in found)
@@ -159,12 +150,23 @@ def judge(line: Line, views: Sequence[Streaks], stage: tuple[LevelPair, Rig], fo
     return Verdict(line, LEAK, fit)
 
 
-def _clearest(sigmas: Sequence[float]) -> int:
-    """Which to fit, by the significance of what is bright: 0, the activity without hits, or 1, the glitter.
+def _clearest(
+    line: Line, views: Sequence[Streaks], stage: tuple[LevelPair, Rig]
+) -> tuple[Sequence[Profile], Array, float]:
+    """Profiles to fit, of the activity without hits or of the glitter; columns (2,) of what is bright, significance.
 
-    Where there is enough of it, the whole shape is worth more than the significance that the noise costs.
+    Where there is enough of what is bright, its whole shape is worth more than the significance that the noise costs.
     """
-    return int(sigmas[1] > min(sigmas[0], WHOLE_SIGMAS))
+    level, rig = stage
+    found = []
+    for activities in zip(*((view.activity, view.glitter) for view in views), strict=True):
+        profiles = signed_profiles(activities, line.columns_px, -1.0 if line.polarity < 0 and line.is_shadowy else 1.0)
+        if line.is_shadowy:
+            found.append((profiles, *drop_beside_shadow(profiles, line.columns_px, level, rig)))
+        else:
+            found.append((profiles, line.columns_px, bright_sigmas(profiles, line.columns_px)))
+    clipped, whole = found
+    return whole if whole[2] > min(clipped[2], WHOLE_SIGMAS) else clipped
 
 
 def _faint(verdict: Verdict) -> bool:
