@@ -2,7 +2,7 @@
 
 Part 1, over seeds, with stand-ins that do not render: scenes until the failure is met, and how many of the ten within
 the budget. Part 2 (--real), rendered, once per failure on 2 workers: scenes and seconds until it is met, what it is
-shrunk to, and whether the file replays; random sampling sees as many scenes as the hunts were given.
+shrunk to, and whether the file replays; random sampling sees as many scenes as hunts render in the seconds of one.
 """
 
 import argparse
@@ -87,11 +87,12 @@ def rendered(budget_s, n_workers, seed):
     """Hunt each failure until it is met; returns how many were met, shrunk to three fields at most, and replayed."""
     print(f"rendered, the robust method made blind, {n_workers} workers, at most {budget_s:g} s each, seed {seed}")
     print(f"{'planted':<58} {'scenes':>7} {'s':>5} {'fields':>6} {'replays':>7}  shrunk to")
-    shown, needed = [], []
+    shown, needed, total_s = [], [], 0.0
     with lanes_of(local_workers(n_workers)) as lanes:
         for number, planted in enumerate(PLANTED):
             spec = EstimatorSpec("callable", f"planted_failures:planted_{number}")
             found, n_scenes, took_s = _hunted(Quarry(space(), spec, seed), planted, lanes, budget_s)
+            total_s += took_s
             needed.append(n_scenes)
             if found is None:
                 print(f"{planted.words:<58} {'-':>7} {took_s:5.0f}", flush=True)
@@ -101,10 +102,13 @@ def rendered(budget_s, n_workers, seed):
             shown.append((len(fields) <= MOST_FIELDS, _replays(plain.scenario, spec)))
             cells = f"{n_scenes:>7} {took_s:5.0f} {len(fields):>6} {'yes' if shown[-1][1] else 'NO':>7}"
             print(f"{planted.words:<58} {cells}  {', '.join(fields) or '(plain)'}", flush=True)
-        until = _rendered_at_random(lanes, max(needed), seed)
+        n_random = round(sum(needed) * budget_s / total_s)
+        until = _rendered_at_random(lanes, n_random, seed)
         print(f"hunt: {len(shown)} of {len(PLANTED)} met, after {needed} scenes")
+        met = sum(one < NEVER for one in until)
         sooner = sum(one <= other for one, other in zip(until, needed, strict=True))
-        print(f"random: after {list(map(_scenes, until))}; {sooner} within the scenes that the hunt took", flush=True)
+        print(f"random: {met} met, after {list(map(_scenes, until))}, in {n_random} scenes, what hunts render in")
+        print(f"{budget_s:g} s; {sooner} within the scenes that the hunt took", flush=True)
     return len(shown), sum(few for few, _ in shown), sum(same for _, same in shown)
 
 
@@ -152,8 +156,8 @@ def _replays(scenario, spec):
 
 def main():
     options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("--seeds", type=int, default=8)
-    options.add_argument("--scenes", type=int, default=100)
+    options.add_argument("--seeds", type=int, default=6)
+    options.add_argument("--scenes", type=int, default=900)
     options.add_argument("--real", action="store_true")
     options.add_argument("--budget-s", type=float, default=300.0)
     options.add_argument("--workers", type=int, default=2)

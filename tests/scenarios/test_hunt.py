@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from planted_failures import PLANTED, Planted, is_met, space, stand_in
+from planted_failures import PLANTED, Planted, between, is_met, space, stand_in
 
 from scenarios.atlas import THIRDS, Atlas, cells_of
 from scenarios.cli import main
@@ -30,6 +30,12 @@ pytestmark = pytest.mark.xdist_group("hunts")  # one worker: what they share is 
 
 ROBUST = EstimatorSpec("method", "robust")
 BUDGET = 100
+FREQUENT = (
+    Planted("b, f", 0.016, lambda s: between(s.baseline_m, 0.55, 0.60) and between(s.hfov_deg, 60, 63)),
+    Planted("b, n", 0.013, lambda s: between(s.baseline_m, 0.30, 0.34) and between(s.n_frames, 20, 21)),
+    Planted("azimuth, r", 0.014, lambda s: between(s.azimuth, 0.60, 0.72) and between(s.area, 0.30, 0.42)),
+    Planted("azimuth, b", 0.015, lambda s: between(s.azimuth, 0.20, 0.30) and between(s.baseline_m, 0.62, 0.67)),
+)
 NO_BLINDNESS = Planted("nowhere", 0.0, lambda _: False)
 
 
@@ -43,9 +49,9 @@ def scenes_until_met(planted, seed):
 
 
 @pytest.mark.statistical
-def test_a_hundred_scenes_meet_most_of_ten_planted_failures(harness_seed):
-    # 9.2 on average over seeds, 8 to 10; of a random hundred 7.6: benchmarks/hunt_planted.py
-    assert sum(scenes_until_met(planted, harness_seed) is not None for planted in PLANTED) >= 6
+def test_a_hundred_scenes_meet_failures_of_one_and_a_half_percent_of_two_parameters(harness_seed):
+    # over 12 seeds each was met in 11 or 12; of random hundreds in 7 to 9
+    assert sum(scenes_until_met(planted, harness_seed) is not None for planted in FREQUENT) >= 3
 
 
 @pytest.mark.statistical
