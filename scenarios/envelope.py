@@ -33,6 +33,7 @@ HOPEFUL = 0.9
 BATCH = 8
 SCENE_LIMIT_S = 120.0
 MAX_DRAWS_PER_TRIAL = 20
+MAX_POINTS_PER_TRIAL = 10 * MAX_DRAWS_PER_TRIAL
 Evaluate = Callable[[Sequence[SceneWork]], list[MethodOutcome]]
 
 
@@ -142,10 +143,13 @@ def tested(quest: Quest, box: Box, number: int, evaluate: Evaluate, tell: Callab
     """
     allowed = allowed_failures(quest.n_trials)
     rng = rng_for(quest.seed, Stream.ENVELOPE, 1 + number)
-    n = k = n_false = n_drawn = 0
+    n = k = n_false = n_drawn = n_tried = 0
     while n < quest.n_trials and n - k <= allowed:
         if n_drawn >= MAX_DRAWS_PER_TRIAL * quest.n_trials:
             raise NoTrialsError(f"{quest.space.name}: only {n} of {n_drawn} clips have an observable leak")
+        if n_tried >= MAX_POINTS_PER_TRIAL * quest.n_trials:  # points that are no scenes make no clips to count
+            raise NoTrialsError(f"{quest.space.name}: only {n_drawn} of {n_tried} points of a box break no rule")
+        n_tried += BATCH
         works = _works(quest, _uniform(quest, box, rng=rng), seed_of_clip(quest.seed, 10**6 * (1 + number) + n_drawn))
         n_drawn += len(works)
         for run in evaluate(works):
