@@ -218,16 +218,21 @@ def _best_cut(box: Box, values: np.ndarray, right: np.ndarray) -> Box | None:
     if right.all():
         return None
     cuts = []
-    for cut in _cuts(box):
+    for cut in _cuts(box, values[~right]):
         removed = int((~right & ~cut.holds(values)).sum())
         if removed:
             cuts.append((removed / (box.log_volume - cut.log_volume), cut))
     return max(cuts, key=lambda pair: pair[0])[1] if cuts else None
 
 
-def _cuts(box: Box) -> Iterator[Box]:
+def _cuts(box: Box, wrong: np.ndarray) -> Iterator[Box]:
+    """Slices that end beside a failure, of grid values (n, axes): others cost more and remove no more of them.
+
+    An axis may have a million values; the failures are at most as many as the clips.
+    """
     for axis in range(len(box.first)):
-        for value in range(box.first[axis], box.last[axis]):
+        ends = np.unique([wrong[:, axis] - 1, wrong[:, axis]])
+        for value in ends[(ends >= box.first[axis]) & (ends < box.last[axis])].tolist():
             yield Box(box.first, (*box.last[:axis], value, *box.last[axis + 1 :]))
             yield Box((*box.first[:axis], value + 1, *box.first[axis + 1 :]), box.last)
 

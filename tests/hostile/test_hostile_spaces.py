@@ -2,15 +2,17 @@
 
 import os
 import random
+import time
 import tomllib
 from functools import cache
 from itertools import islice
 
+import numpy as np
 import pytest
 from damage import damaged_text
 from hypothesis import given
 from hypothesis import strategies as st
-from verdicts import assert_refused, leakloc, tree
+from verdicts import LIMIT_S, assert_refused, leakloc, tree
 
 from scenarios import envelope
 from scenarios.estimators import EstimatorSpec
@@ -263,6 +265,17 @@ def test_a_box_none_of_whose_points_is_a_scene_ends_the_envelope(tmp_path):
     quest, ten_leaks = envelope.Quest(read_space(path), NAIVE, 0, 20, 59), envelope.Box((0, 9), (3, 9))
     with pytest.raises(envelope.NoTrialsError, match=r"only 0 of .* points of a box break no rule"):
         envelope.tested(quest, ten_leaks, 0, barely_right, lambda _: None)
+
+
+def test_boxes_of_axes_with_a_million_values_are_chosen_at_once():
+    rng = np.random.default_rng(0)
+    sizes = [10**6 + 1] * 11 + [10]
+    values, right = rng.integers(0, sizes, (128, len(sizes))), rng.random(128) < 0.8
+    start_s = time.process_time()
+    boxes = envelope.nested_boxes(sizes, values, right)
+    assert time.process_time() - start_s < 5.0 * LIMIT_S
+    assert boxes
+    assert right[boxes[0].holds(values)].all()
 
 
 numbers = st.floats() | st.integers(-(10**6), 10**6).map(float) | st.sampled_from([1e308, -1e308, 5e-324, -0.0, 0.5])
