@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import time
 from collections.abc import Iterator
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from scenarios.cli_options import FOLDER, SEED, chosen_estimator, clear_errors, estimator_options, scenario_options
-from scenarios.output_folder import check_new, check_replaceable, check_same_kind, creating, replacing
+from scenarios.output_folder import check_apart, check_new, check_replaceable, check_same_kind, creating, replacing
 from scenarios.scenario_file import read_scenario
 
 if TYPE_CHECKING:
@@ -64,6 +65,7 @@ def hunt(space: str, destination: Path, *, force: bool, **options: Any) -> None:
 
     quarry = Quarry(read_space(space), chosen_estimator(options), options["seed"])
     (check_replaceable if force else check_new)(destination)
+    _check_space_apart(space, destination)
     check_same_kind(destination, "hunt.json")
     atlas, n_scenes = Atlas(quarry.space), 0
     budget_s = options["budget"] or (None if options["scenes"] else 300.0)
@@ -84,6 +86,12 @@ def hunt(space: str, destination: Path, *, force: bool, **options: Any) -> None:
         file = first.file if first.shrunk is None else first.plain_file
         click.echo(f"{code}: {destination / file}")
     click.echo(f"atlas: {destination / 'atlas.html'}" if atlas.codes() else "no failure was met")
+
+
+def _check_space_apart(space: str, destination: Path) -> None:
+    """Refuse to replace a folder that holds the space file: it would be gone; a name of a shipped space is no file."""
+    if os.path.isfile(space):
+        check_apart(Path(space), destination)
 
 
 def _hunted(quarry: Quarry, n_scenes: int | None, budget_s: float | None, n_workers: int) -> Iterator[Tried]:
@@ -126,12 +134,14 @@ def shrink(  # noqa: PLR0913  one argument per option
     SCENARIO may also be a scene of the bench: nominal:7. Writes scene.toml of at most 20 lines where the scene allows,
     thumbnail.png and explain.txt.
     """
-    from scenarios.failures import failures
+    from scenarios.failures import CODES, failures
     from scenarios.progress import told_as_it_goes
     from scenarios.shrink import codes_of, run_of
     from scenarios.shrink import shrink as shrunk_of
     from scenarios.shrunk_folder import write_shrunk
 
+    if code not in (None, *CODES):
+        raise click.BadParameter(f"{code!r} must be one of {', '.join(CODES)}", param_hint="--code")
     whole, spec = read_scenario(scenario, overrides, seed), chosen_estimator(options)
     (check_replaceable if force else check_new)(destination)
     check_same_kind(destination, "shrunk.json")
@@ -174,6 +184,7 @@ def envelope(space: str, destination: Path, *, force: bool, **options: Any) -> N
 
     quest = Quest(read_space(space), chosen_estimator(options), options["seed"], options["scenes"], options["trials"])
     (check_replaceable if force else check_new)(destination)
+    _check_space_apart(space, destination)
     check_same_kind(destination, "envelope.json")
     with (replacing if force else creating)(destination) as folder:
         with lanes_of(local_workers(options["n_workers"])) as lanes, counting("clips") as tell:

@@ -1,12 +1,21 @@
 """What of a run is a failure: an observable leak not found, a place too far off, a false leak, no answer."""
 
 from dataclasses import dataclass
+from typing import get_args
 
+from scenarios.estimators import Breakdown
 from scenarios.scene_work import OK, MethodOutcome
 
 FOUND = "found"
 IMPRECISE = "bad.imprecise"
 """A leak found within the gate, yet beyond the bound of half of it."""
+
+CODES = (
+    *("missed.unexplained", IMPRECISE, "bad.tilt", "bad.wrong_match", "bad.depth"),
+    *("false.ghost", "false.shadow", "false.gamma"),
+    *get_args(Breakdown),
+)
+"""All that a failure can be; the other codes of `outcome.py` are of leaks that nobody could have found."""
 
 
 @dataclass(frozen=True)

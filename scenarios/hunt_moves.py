@@ -158,6 +158,8 @@ def _stepped(space: Space, parent: Move, step: float, *, rng: np.random.Generato
     if space.max_leaks:
         matter.append(n_axes)
         matter += [n_axes + 1 + 2 * place.leak + i for place in places(space, parent.shares) for i in (0, 1)]
+    if not matter:  # every axis has one value, and no leak may move
+        return None
     before = scenario_of(space, parent.shares, parent.seed)
     for _ in range(TRIES):
         shares = np.array(parent.shares)

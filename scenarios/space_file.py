@@ -3,18 +3,18 @@
 A space says what varies: axes of a scenario's keys, each with its range and grid, and leaks at any place.
 """
 
-import math
+import os
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, Field
+from pydantic import BaseModel, Field
 
 from scenarios.campaign import Overrides
-from scenarios.mistakes import FileRules, Violation, checked, nearest
-from scenarios.scenario import Drip, Model, Scenario
+from scenarios.mistakes import FileRules, Violation, capped, checked, nearest, shown
+from scenarios.scenario import Drip, Model, Scenario, list_of_at_most
 from scenarios.scenario_file import ScenarioError, read_scenario
 from scenarios.shelf import Shelf
 from scenarios.space import LEAKS_TABLE, STRATA, Axis, Space
@@ -22,6 +22,14 @@ from scenarios.space_point import n_shares, scenario_of
 
 MAX_AXES = 12
 MAX_LEAKS = 10
+MAX_NAME = 100
+MAX_STEPS = 1e6
+LEAST_STEP = 1e-9
+"""Values of an axis are rounded to this: a finer grid would leave its own range."""
+
+OFF_GRID = 1e-6
+"""What rounding may put a value beyond its range."""
+
 N_TRIED = 64
 LEAST_VALID = 0.5
 """Of the points tried: a search in a space that hardly has any would look for scenes, not for failures."""
@@ -61,22 +69,20 @@ class SpaceLeaksTable(Model):
 class SpaceFile(Model):
     """What varies, and from which scenario: its leaks and drips are the base's unless [leaks] says otherwise."""
 
-    name: str = Field("", max_length=100)
+    name: str = Field("", max_length=MAX_NAME)
     description: str = Field("", max_length=2000)
     scenario: str = Field("plain", min_length=1, max_length=1000, description="shipped name, or a path from here on")
     set: Overrides = Field((), description='overrides of the base, each "key.path=value" as after --set')
-    axis: Annotated[
-        tuple[SpaceAxisTable, ...], BeforeValidator(lambda rows: tuple(rows) if isinstance(rows, list) else rows)
-    ] = Field(max_length=MAX_AXES)
+    axis: Annotated[tuple[SpaceAxisTable, ...], list_of_at_most(MAX_AXES)] = Field(max_length=MAX_AXES)
     leaks: SpaceLeaksTable | None = None
 
 
 def read_space(path_or_name: str | Path) -> Space:
     """Read a space file, a shipped one or a stratum of the bench by its name; raises SpaceError with all mistakes."""
     strata, name = {space.name: space for space in STRATA}, str(path_or_name)
-    if name in strata and not Path(name).exists():
+    if name in strata and not os.path.exists(name):
         return strata[name]
-    if name not in SPACES.names() and not Path(name).exists():
+    if name not in SPACES.names() and not os.path.exists(name):
         known = [*strata, *SPACES.names()]
         raise SpaceError(
             f"{name}: no such file, stratum or shipped space{nearest(name, known) or ': ' + ', '.join(known)}"
@@ -88,10 +94,12 @@ def read_space(path_or_name: str | Path) -> Space:
     if content is not None:
         lines += _mistakes_of_ends(content, base or Scenario(), source)
     if lines:
-        raise SpaceError("\n".join(lines))
+        raise SpaceError("\n".join(capped(lines, source)))
     assert content is not None
     assert base is not None
     space = _space(content, base, source)
+    if lines := list(_mistakes_of_grids(space, source)):
+        raise SpaceError("\n".join(lines))
     _check_points(space, source)
     return space
 
@@ -144,7 +152,9 @@ def _ranges(content: SpaceFile) -> Iterator[Violation]:
         reads = (f"axis.{i}",)
         if axis.low > axis.high:
             yield Violation(f"axis.{i}.low", axis.low, f"must be at most high = {axis.high:g}", reads)
-        elif math.floor((axis.high - axis.low) / axis.step) > 1e6:
+        elif axis.step < LEAST_STEP:
+            yield Violation(f"axis.{i}.step", axis.step, f"must be >= {LEAST_STEP:g}", reads)
+        elif (axis.high - axis.low) / axis.step >= MAX_STEPS + 1:
             yield Violation(f"axis.{i}.step", axis.step, "makes more than a million values: must be larger", reads)
         if known.get(axis.key) is int:
             for name in ("low", "high", "step", "plain"):
@@ -156,7 +166,8 @@ def _ranges(content: SpaceFile) -> Iterator[Violation]:
 def _base_of(content: SpaceFile, source: str) -> tuple[Scenario | None, list[str]]:
     beside = Path(source).parent / content.scenario
     try:
-        return read_scenario(beside if beside.is_file() else content.scenario, content.set), []
+        # not Path.is_file: it raises where a name is too long
+        return read_scenario(beside if os.path.isfile(beside) else content.scenario, content.set), []
     except ScenarioError as error:
         return None, [f"{source}: scenario: {line}" for line in str(error).splitlines()]
 
@@ -168,17 +179,33 @@ def _mistakes_of_ends(content: SpaceFile, base: Scenario, source: str) -> Iterat
         if axis.key not in known:
             continue
         table, _, name = axis.key.partition(".")
-        model = Drip if table == LEAKS_TABLE else type(getattr(base, table))
         for end in ("low", "high", "plain"):
             value = getattr(axis, end)
-            if value is None:
-                continue
-            _, lines = checked(
-                {name: int(value) if known[axis.key] is int else value}, axis.key, FileRules(model, _none)
-            )
-            yield from (f"{source}: axis.{i}.{end}: {line.partition(': ')[2]}" for line in lines)
+            if value is not None:
+                yield from (f"{source}: axis.{i}.{end}: {rule}" for rule in _broken_by(axis.key, value, base))
         if axis.plain is None and (table != LEAKS_TABLE and getattr(getattr(base, table), name) is None):
             yield f"{source}: axis.{i}.plain: is required, for the base scenario has no {axis.key}"
+
+
+def _mistakes_of_grids(space: Space, source: str) -> Iterator[str]:
+    """Rounded to its grid, an end may come to stand where no value may be: 1e-10 m is 0 m; a step may pass it."""
+    for i, axis in enumerate(space.axes):
+        for end, value in (("low", axis.at(0.0)), ("high", axis.at(1.0))):
+            rules = _broken_by(axis.key, value, space.base_scenario)
+            yield from (f"{source}: axis.{i}.{end}: on the grid, {rule}" for rule in rules)
+            if not axis.low - OFF_GRID <= value <= axis.high + OFF_GRID:
+                rule = f"must reach a value from low = {axis.low:g} to high = {axis.high:g}"
+                yield f"{source}: axis.{i}.step: from plain = {axis.plain:g} on, {rule}, got {shown(axis.step)}"
+                break
+
+
+def _broken_by(key: str, value: float, base: Scenario) -> list[str]:
+    """Rules of one key of the scenario that a value breaks, each with the value."""
+    table, _, name = key.partition(".")
+    model = Drip if table == LEAKS_TABLE else type(getattr(base, table))
+    whole = numbers_of_scenario()[key] is int
+    _, lines = checked({name: int(value) if whole else value}, key, FileRules(model, _none))
+    return [line.partition(": ")[2] for line in lines]
 
 
 def _none(_: Any) -> list[Violation]:
@@ -194,7 +221,7 @@ def _space(content: SpaceFile, base: Scenario, source: str) -> Space:
     except ValueError as error:
         raise SpaceError(f"{source}: {error}") from None
     return Space(
-        content.name or Path(source).stem,
+        content.name or _named_after(source),
         axes,
         max_leaks=0 if leaks is None else leaks.most,
         min_separation_m=0.0 if leaks is None else leaks.min_separation_m,
@@ -204,6 +231,11 @@ def _space(content: SpaceFile, base: Scenario, source: str) -> Space:
         base=base.model_copy(update=free),
         drip=drip,
     )
+
+
+def _named_after(source: str) -> str:
+    """Name of a space that says none: its file's, as text that a scenario of that name may hold and be written with."""
+    return os.fsencode(Path(source).stem).decode("utf-8", "backslashreplace")[:MAX_NAME]
 
 
 def _axis(axis: SpaceAxisTable, base: Scenario, drip: dict[str, Any]) -> Axis:
