@@ -65,7 +65,7 @@ def hunt(space: str, destination: Path, *, force: bool, **options: Any) -> None:
 
     quarry = Quarry(read_space(space), chosen_estimator(options), options["seed"])
     (check_replaceable if force else check_new)(destination)
-    _check_space_apart(space, destination)
+    _check_input_apart(space, destination)
     check_same_kind(destination, "hunt.json")
     atlas, n_scenes = Atlas(quarry.space), 0
     budget_s = options["budget"] or (None if options["scenes"] else 300.0)
@@ -88,10 +88,10 @@ def hunt(space: str, destination: Path, *, force: bool, **options: Any) -> None:
     click.echo(f"atlas: {destination / 'atlas.html'}" if atlas.codes() else "no failure was met")
 
 
-def _check_space_apart(space: str, destination: Path) -> None:
-    """Refuse to replace a folder that holds the space file: it would be gone; a name of a shipped space is no file."""
-    if os.path.isfile(space):
-        check_apart(Path(space), destination)
+def _check_input_apart(given: str, destination: Path) -> None:
+    """Refuse to replace a folder that holds the file given: it would be gone; a name of a shipped one is no file."""
+    if os.path.isfile(given):
+        check_apart(Path(given), destination)
 
 
 def _hunted(quarry: Quarry, n_scenes: int | None, budget_s: float | None, n_workers: int) -> Iterator[Tried]:
@@ -144,6 +144,7 @@ def shrink(  # noqa: PLR0913  one argument per option
         raise click.BadParameter(f"{code!r} must be one of {', '.join(CODES)}", param_hint="--code")
     whole, spec = read_scenario(scenario, overrides, seed), chosen_estimator(options)
     (check_replaceable if force else check_new)(destination)
+    _check_input_apart(scenario, destination)
     check_same_kind(destination, "shrunk.json")
     with (replacing if force else creating)(destination) as folder:
         befell = [failure for failure in failures(run_of(whole, spec)) if code in (None, failure.code)]
@@ -184,7 +185,7 @@ def envelope(space: str, destination: Path, *, force: bool, **options: Any) -> N
 
     quest = Quest(read_space(space), chosen_estimator(options), options["seed"], options["scenes"], options["trials"])
     (check_replaceable if force else check_new)(destination)
-    _check_space_apart(space, destination)
+    _check_input_apart(space, destination)
     check_same_kind(destination, "envelope.json")
     with (replacing if force else creating)(destination) as folder:
         with lanes_of(local_workers(options["n_workers"])) as lanes, counting("clips") as tell:

@@ -385,13 +385,16 @@ def test_a_folder_that_may_not_be_written_to_is_refused(tmp_path, command):
     assert list((tmp_path / "locked").iterdir()) == []
 
 
-@pytest.mark.parametrize("command", ["hunt", "envelope"])
-def test_a_space_is_never_replaced_by_what_is_made_from_it(tmp_path, command):
+@pytest.mark.parametrize(
+    ("command", "kind", "content"),
+    [("hunt", "hunt", AXIS), ("envelope", "envelope", AXIS), ("shrink", "shrunk", 'name = "small"')],
+)
+def test_what_was_given_is_never_replaced_by_what_is_made_from_it(tmp_path, command, kind, content):
     folder = tmp_path / "earlier"
     folder.mkdir()
-    (folder / f"{command}.json").write_text('{"made_by": "leakloc 1"}')
-    (folder / "space.toml").write_text(AXIS)
+    (folder / f"{kind}.json").write_text('{"made_by": "leakloc 1"}')
+    (folder / "given.toml").write_text(content)
     before = tree(tmp_path)
-    words = (command, folder / "space.toml", "--method", "naive", "--force", "-o", folder)
+    words = (command, folder / "given.toml", "--method", "naive", "--force", "-o", folder)
     assert_refused(leakloc(*words), f"{folder}: must be apart from ")
     assert tree(tmp_path) == before
