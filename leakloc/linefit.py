@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import least_squares
+from scipy.optimize import OptimizeResult, least_squares
 
 from leakloc.glints import IMAGES, glint_offsets
 from leakloc.levelled import LevelPair
@@ -26,6 +27,8 @@ STRAY_PX = 1.5  # of a drop from where it was seen, lest it slides onto its shad
 LIMBS = (-1.0, 1.0)  # sides of a drop
 LIMB_SHARE = 0.08  # of the profile's peak: standard deviation of what a limb shows of the walls
 START_RADII = (0.6, 1.8)  # of DROP_RADIUS_M
+TRIED_GLINTS = 2
+BAD_CHI2 = 4.0  # per sample of a bright line: its columns may be those of single glints, not of their drop
 MODEL_ERROR = 0.02  # of the profile's peak: what the shapes cannot follow
 LEAST_CHI2 = 0.2  # per sample of a bright line: most shapes follow better than that, and say so
 
@@ -192,6 +195,22 @@ class _Problem:
             return [self.start]
         return [np.concatenate([self.start[:2], [np.log(radius)], self.start[3:]]) for radius in START_RADII]
 
+    def starts_of_glints(self) -> list[Array]:
+        """The start with either column a glint left or right of the middle of a large drop; the best ones by cost.
+
+        Several lamps draw a near drop as glints apart, and what was matched may be one of this lamp and one of that.
+        """
+        if not self.limbs:
+            return []
+        starts = []
+        for sides in itertools.product((-1.0, 0.0, 1.0), repeat=2):
+            start = self.start.copy()
+            off_px = np.array(sides) * START_RADII[-1] * self.expected.drop_px
+            start[:2] += np.clip(off_px, -0.9 * self.stray_px, 0.9 * self.stray_px)
+            start[2] = np.log(START_RADII[-1])
+            starts.append(start)
+        return sorted(starts, key=lambda start: float((self.residuals(start) ** 2).sum()))[:TRIED_GLINTS]
+
     def bounds(self) -> tuple[Array, Array]:
         """Least and greatest parameters: the drop stays where it was seen, radius and blur what they can be."""
         least, most = np.full_like(self.start, -np.inf), np.full_like(self.start, np.inf)
@@ -257,13 +276,18 @@ def fit_bright_line(profiles: Sequence[Profile], start_px: Array, stage: tuple[L
 
 def _least_squares(problem: _Problem, profiles: Sequence[Profile]) -> LineFit:
     bounds = problem.bounds()
-    found = min(
-        (
+
+    def fitted(starts: Sequence[Array]) -> list[OptimizeResult]:
+        return [
             least_squares(problem.residuals, start, bounds=bounds, max_nfev=20, ftol=1e-4, xtol=1e-4, gtol=1e-4)
-            for start in problem.starts()
-        ),
-        key=lambda one: float(one.cost),
-    )
+            for start in starts
+        ]
+
+    fits = fitted(problem.starts())
+    samples = sum(map(len, problem.data))
+    if all(2.0 * one.cost > BAD_CHI2 * samples for one in fits):
+        fits += fitted(problem.starts_of_glints())
+    found = min(fits, key=lambda one: float(one.cost))
     light, rest = zip(*(problem.amplitudes(found.x, view) for view in range(2)), strict=True)
     chi2 = float((np.concatenate(rest) ** 2).mean())
     covariance = np.linalg.pinv(found.jac.T @ found.jac)[:2, :2] * max(LEAST_CHI2 if problem.limbs else 1.0, chi2)

@@ -60,9 +60,12 @@ class Verdict:
         return self.fit is not None and self.reason == LEAK and float(self.fit.glint_sigmas.min()) < LEAST_GLINT_SIGMAS
 
     def is_same(self, known: Verdict) -> bool:
-        """Whether a leak is one that is known: both columns, or one if it was only guessed beside a shadow."""
-        near = np.abs(self.columns_px - known.columns_px) < SAME_PX
-        return bool(near.any() if self.line.is_shadowy else near.all())
+        """Whether a leak is one that is known: both columns, or one if it was only guessed beside a shadow.
+
+        Of a bright line also the columns where it was seen: they may be glints of that drop which its fit runs from.
+        """
+        near, seen = (np.abs(px - known.columns_px) < SAME_PX for px in (self.columns_px, self.line.columns_px))
+        return bool(near.any()) if self.line.is_shadowy else bool(near.all() or seen.all())
 
     def explains(self, columns_px: Array, level: LevelPair, rig: Rig) -> bool:
         """Whether each of the columns is one of this leak's lines in that view, and at least one of its shadows."""

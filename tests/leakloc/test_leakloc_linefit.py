@@ -75,6 +75,17 @@ def test_a_drop_between_two_lamps_is_not_mistaken_for_a_smaller_or_a_larger_one(
         assert fit.chi2 < 3
 
 
+@pytest.mark.parametrize("off_px", [(-3.0, 3.0), (2.5, -3.0), (-3.0, -0.5)])
+def test_a_near_drop_is_found_from_the_glints_of_different_lamps_that_were_matched(make_rig, off_px):
+    rig, rng = with_lamps(make_rig(), BOTH_SIDES), np.random.default_rng(14)
+    level, place_m = level_pair(rig), np.array([0.0, 0.3])
+    for _ in range(5):
+        profiles, columns_px = glinting(place_m, 1.9, (level, rig), rng, 300)
+        fit = fit_bright_line(profiles, np.rint(columns_px + off_px), (level, rig))
+        assert np.abs(fit.columns_px - columns_px).max() < 0.15
+        assert fit.chi2 < 3
+
+
 @given(st.floats(-0.5, 1.5), st.floats(-1.8, 1.8), st.floats(-2.3, -1.5), st.floats(-1.0, 1.0))
 def test_a_mirrored_glint_is_seen_where_the_drop_mirrors_the_lamp_on_and_off_the_axis(
     make_rig, x_m, y_m, lamp_x_m, lamp_y_m
