@@ -1,12 +1,12 @@
 """The page of an atlas of failures: outcome codes by parameters, with the plainest example of every cell."""
 
-import base64
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 
 from scenarios.estimators import EstimatorSpec
+from scenarios.figures import png_uri
 from scenarios.hunted import Cell, Counterexample
 from scenarios.report import page
 from scenarios.scenario import Scenario
@@ -85,7 +85,7 @@ def atlas_html(space: Space, estimator: EstimatorSpec, n_scenes: int, entries: S
 
 def _pictures(entries: Sequence[Entry]) -> str:
     """Style of every thumbnail: a picture that stands in many cells is in the page once."""
-    rules = "".join(f".{_class(entry)} {{ background-image: url({_data(entry)}); }}\n" for entry in entries)
+    rules = "".join(f".{_class(entry)} {{ background-image: url({png_uri(entry.png)}); }}\n" for entry in entries)
     return f"<style>\n{rules}</style>"
 
 
@@ -157,7 +157,3 @@ def _card(entry: Entry, estimator: EstimatorSpec) -> str:
         f'<p class="quiet">{plain}<a href="{entry.file}">as it was met</a>; margin {found.severity}{detail}</p>'
         f"<pre>{escape(text)}</pre><pre class='command'>{escape(explain_command(file, estimator))}</pre></div>"
     )
-
-
-def _data(entry: Entry) -> str:
-    return f"data:image/png;base64,{base64.b64encode(entry.png).decode()}"

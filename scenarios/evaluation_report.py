@@ -13,6 +13,8 @@ from scenarios.evaluation_figures import MAX_SCENES
 from scenarios.evaluation_settings import assumptions
 from scenarios.evaluation_tables import Errors, Row, Tally
 from scenarios.evaluation_why import cures, differences, reasons
+from scenarios.evaluation_worst import WorstScene
+from scenarios.figures import png_uri
 from scenarios.published import LEVELS_GY_H, SOURCE
 from scenarios.report import page
 from scenarios.scene_work import NEAR_WALL_M
@@ -46,6 +48,7 @@ class Findings:
     rows: Sequence[Row]
     bars: Sequence[Bar]
     figures: dict[str, str]
+    worst: Sequence[WorstScene] = ()
 
 
 def report_html(evaluation: Evaluation, findings: Findings) -> str:
@@ -57,6 +60,7 @@ def report_html(evaluation: Evaluation, findings: Findings) -> str:
         f'<h2>Tables</h2><p class="quiet">{escape(NOTE)}</p>',
         *(_experiment(experiment, findings.rows) for experiment in EXPERIMENTS),
         f"<h2>Figures</h2>{''.join(_figure(name, picture) for name, picture in findings.figures.items())}",
+        f"<h2>The worst separated scenes</h2>{''.join(map(_worst, findings.worst)) or '<p>Nothing went wrong.</p>'}",
         *_why(evaluation, findings.rows),
         f"<h2>What stands for the values that are not published</h2>{_assumptions(evaluation)}",
         f'<h2>How this was made</h2><p class="quiet">{escape(_versions(evaluation))}</p>',
@@ -151,6 +155,14 @@ def _split(error: Errors) -> str:
 
 def _figure(name: str, picture: str) -> str:
     return f"<figure>{picture}<figcaption>{escape(caption(name))}</figcaption></figure>"
+
+
+def _worst(scene: WorstScene) -> str:
+    return (
+        f'<figure><img src="{png_uri(scene.png)}" alt="what the left camera saw change, and the map" width="480">'
+        f"<figcaption>{escape(scene.method)}: {escape(scene.words)}. Leaks green, their shadows grey, estimates red."
+        f"</figcaption></figure><pre class='command'>{escape(scene.replay)}</pre>"
+    )
 
 
 def _why(evaluation: Evaluation, rows: Sequence[Row]) -> list[str]:

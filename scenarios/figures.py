@@ -41,7 +41,12 @@ def frame_png(frame_grey: np.ndarray, gain: float = 1.0) -> str:
     shown = np.clip(np.rint(frame_grey.astype(np.float64) * gain), 0, 255).astype(np.uint8)
     made, png = cv2.imencode(".png", shown)
     assert made
-    return f"data:image/png;base64,{base64.b64encode(png.tobytes()).decode()}"
+    return png_uri(png.tobytes())
+
+
+def png_uri(png: bytes) -> str:
+    """Return a PNG as a data URI, so that pages open offline."""
+    return f"data:image/png;base64,{base64.b64encode(png).decode()}"
 
 
 def residual_png(frames: np.ndarray) -> str:

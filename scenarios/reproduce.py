@@ -15,6 +15,7 @@ from scenarios.evaluation_report import Findings, report_html
 from scenarios.evaluation_settings import assumptions
 from scenarios.evaluation_tables import Row, as_data, rows_of, tables_csv
 from scenarios.evaluation_why import differences, reasons
+from scenarios.evaluation_worst import worst_scenes
 from scenarios.output_folder import made_by, write_file, write_json
 from scenarios.published import SOURCE
 
@@ -22,9 +23,9 @@ NewFolder = Callable[[Path], AbstractContextManager[Path]]
 
 
 def findings_of(evaluation: Evaluation) -> Findings:
-    """Return tables, bars and figures of an evaluation."""
+    """Return tables, bars, figures and worst scenes of an evaluation."""
     rows = rows_of(evaluation)
-    return Findings(rows, bars_of(evaluation, rows), figures_of(evaluation))
+    return Findings(rows, bars_of(evaluation, rows), figures_of(evaluation), worst_scenes(evaluation))
 
 
 def write_evaluation(evaluation: Evaluation, stores: Path, destination: Path, new_folder: NewFolder) -> str:
@@ -55,6 +56,7 @@ def as_json(evaluation: Evaluation, findings: Findings) -> dict[str, Any]:
         "bars": [vars(bar) for bar in findings.bars],
         "differences": differences(findings.rows),
         "reasons": reasons(evaluation, findings.rows),
+        "worst": [{"method": one.method, "words": one.words, "replay": one.replay} for one in findings.worst],
         "assumptions": [vars(one) for one in assumptions(scenario_of(evaluation))],
     }
     return json.loads(json.dumps(data))  # tuples are lists, as they will be when it is read

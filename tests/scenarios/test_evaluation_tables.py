@@ -2,14 +2,16 @@
 
 import csv
 import math
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from scenarios.evaluation import EXPERIMENTS
+from scenarios.evaluation import AS_IT_IS, EXPERIMENTS, QUICK, Evaluation, campaign_files
 from scenarios.evaluation_bars import bars_of
 from scenarios.evaluation_tables import RULES, as_data, experiment_rows, flattened, tables_csv, tally
-from scenarios.evaluation_why import differences
+from scenarios.evaluation_why import cures, differences
 from scenarios.published import LEVELS_GY_H, PUBLISHED, published
 from scenarios.scene_work import LeakOutcome
 from scenarios.statistics import clopper_pearson, mean_interval
@@ -157,3 +159,24 @@ def test_the_robust_method_is_held_to_the_gate_and_to_observable_leaks():
     assert [(bar.got, bar.is_met) for bar in bars] == [("1/1", True), ("0.0050 m", True)]
     bars = bars_of(None, experiment_rows(SEPARATED, [clip(0, [OUTSIDE], [], method="robust")]))
     assert [bar.is_met for bar in bars] == [False, False]  # nothing to find shows nothing
+
+
+def without(cause, number, leaks, estimates_m):
+    return replace(clip(number, leaks, estimates_m), values={"without": cause}, repeat=number)
+
+
+def test_a_leak_is_cured_by_what_is_taken_away_when_it_is_well_placed_then():
+    shadows = "drop shadows"
+    runs = [
+        without(AS_IT_IS, 0, [FOUND, PULLED, OUTSIDE], [(1.0, 0.05), (2.2, 0.5)]),
+        without(AS_IT_IS, 1, [FOUND], [(1.0, 0.01)]),
+        without(shadows, 0, [FOUND, PULLED, OUTSIDE], [(1.0, 0.05), (2.2, 0.02)]),
+        without(shadows, 1, [FOUND], [(1.0, 0.5)]),
+        without("gamma", 0, [FOUND, PULLED, OUTSIDE], [(1.0, 0.05), (2.2, 0.4)]),
+        without("gamma", 1, [FOUND], [(1.0, 0.01)]),
+    ]
+    cured = cures(Evaluation(QUICK, campaign_files(QUICK), {"causes": SimpleNamespace(runs=runs)}))
+    assert (cured.n_bad, cured.n_leaks) == (1, 3)  # what is out of view nobody could place
+    assert cured.by_removal == {"without drop shadows": 1, "without gamma": 0}
+    assert cured.wall_m == pytest.approx((0.3,))
+    assert len(cured.replays) == 1

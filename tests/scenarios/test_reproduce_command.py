@@ -4,6 +4,7 @@ import csv
 import json
 import re
 import sqlite3
+from html import unescape
 
 import pytest
 from click.testing import CliRunner
@@ -50,6 +51,19 @@ def test_one_command_makes_tables_figures_and_one_offline_page(made):
         assert words in page
     assert "separated   H" in said
     assert "bars are met" in said
+
+
+def test_the_worst_scene_of_each_method_is_shown_with_the_command_that_explains_it(made):
+    folder, _ = made
+    worst = json.loads((folder / "tables.json").read_text())["worst"]
+    page = unescape((folder / "report.html").read_text())
+    assert "paper" in [one["method"] for one in worst]
+    assert page.count("data:image/png;base64,") >= len(worst)
+    for one in worst:
+        assert one["words"] in page
+        assert one["replay"] in page
+        assert one["replay"].startswith("leakloc explain")
+        assert f"--method {one['method']}" in one["replay"]
 
 
 def test_json_and_csv_agree_and_hold_every_row(made):
