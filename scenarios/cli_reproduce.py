@@ -15,7 +15,9 @@ from scenarios.output_folder import check_new, check_replaceable, check_same_kin
 @click.command()
 @click.option("-o", "--output", "destination", type=FOLDER, default=Path("reproduced"), show_default=True)
 @click.option("--quick", is_flag=True, help="Fewer scenes, noise and frame counts: a minute or two.")
-@click.option("--scenes", type=click.IntRange(1, 1000), help="Random scenes of three leaks; the paper has 10.")
+@click.option(
+    "--scenes", type=click.IntRange(1, 1000), help="Random scenes of three leaks: 30, quick 5; the paper has 10."
+)
 @click.option("--workers", "n_workers", type=click.IntRange(1, 256), default=2, show_default=True)
 @click.option("--force", is_flag=True, help="Replace an earlier evaluation.")
 @click.option("--set", "overrides", multiple=True, hidden=True, help="Change all scenarios: for tests.")

@@ -63,7 +63,7 @@ class Size:
     frames: tuple[int, ...] = ()
 
 
-FULL = Size("full", separated=10, multiple=4)
+FULL = Size("full", separated=30, multiple=4)
 QUICK = Size("quick", separated=5, multiple=2, crowded_doses=(10.0,), frames=(3, 24))
 
 

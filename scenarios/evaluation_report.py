@@ -166,12 +166,12 @@ def _worst(scene: WorstScene) -> str:
 
 
 def _why(evaluation: Evaluation, rows: Sequence[Row]) -> list[str]:
-    commands = "".join(f"<pre class='command'>{escape(line)}</pre>" for line in cures(evaluation).replays)
+    commands = escape("\n".join(cures(evaluation).replays))
     return [
         f"<h2>Where the simulated paper's method differs from the published values</h2>{_list(differences(rows))}",
         f"<h2>Why</h2>{_list(reasons(evaluation, rows))}",
-        f'<p class="quiet">Clips with such leaks, each with the command that explains it:</p>{commands}'
-        * bool(commands),
+        '<p class="quiet">Clips with such leaks, each with the command that explains it:</p>'
+        f"<pre class='command'>{commands}</pre>" * bool(commands),
     ]
 
 

@@ -11,7 +11,7 @@ import pytest
 from scenarios.evaluation import AS_IT_IS, EXPERIMENTS, QUICK, Evaluation, campaign_files
 from scenarios.evaluation_bars import bars_of
 from scenarios.evaluation_tables import RULES, as_data, experiment_rows, flattened, tables_csv, tally
-from scenarios.evaluation_why import cures, differences
+from scenarios.evaluation_why import cures, differences, means_of_sets_m
 from scenarios.published import LEVELS_GY_H, PUBLISHED, published
 from scenarios.scene_work import LeakOutcome
 from scenarios.statistics import clopper_pearson, mean_interval
@@ -180,3 +180,11 @@ def test_a_leak_is_cured_by_what_is_taken_away_when_it_is_well_placed_then():
     assert cured.by_removal == {"without drop shadows": 1, "without gamma": 0}
     assert cured.wall_m == pytest.approx((0.3,))
     assert len(cured.replays) == 1
+
+
+def test_means_of_ten_scenes_spread_as_much_as_one_wrong_match_makes_them():
+    low_m, middle_m, high_m = means_of_sets_m([[0.02, 0.02]] * 19 + [[0.02, 8.02]])
+    assert low_m == pytest.approx(0.02)  # 0.95^10 = 60 % of the sets are without it, 32 % have it once
+    assert middle_m == pytest.approx(0.02)
+    assert high_m == pytest.approx(0.02 + 2 * 8.0 / 20)
+    assert means_of_sets_m([[0.1], [0.1, 0.1], []] * 10) == pytest.approx((0.1, 0.1, 0.1))
