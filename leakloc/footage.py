@@ -140,8 +140,8 @@ def _read_view(path: Path, rig: Rig) -> View:
     if path.is_dir():
         return View(_read_images(image_paths(path), rig), math.nan)
     try:
-        _check_size(video_size(path), rig)  # before a long video is decoded in vain
-        frames, fps = video_frames(path, MAX_FRAMES, MAX_VIEW_BYTES)
+        # before a long video is decoded in vain
+        frames, fps = video_frames(path, MAX_FRAMES, MAX_VIEW_BYTES, lambda size: _check_size(size, rig))
         _check_size((frames.shape[2], frames.shape[1]), rig)
         _check_length(len(frames))
         return View(frames, fps if fps <= MAX_FPS else math.nan)

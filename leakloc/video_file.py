@@ -1,25 +1,31 @@
 """The grey frames of one video, decoded by OpenCV's FFmpeg behind a fence.
 
 FFmpeg follows addresses, lists of other files ("concat", playlists) and waits for pipes; it opens by content, whatever
-the name ends in. So only regular files are opened, by absolute path, with its protocols and containers listed.
-A damaged frame is mostly decoded into something else without an error: use PNG where every pixel counts.
+the name ends in. So only regular files are opened, by absolute path, with its protocols and containers listed, in a
+process of its own. It decodes most damaged frames into something else and complains in its log alone: a video that it
+complains of is refused. Formats without checksums (Motion JPEG, MPEG-4) may still hide damage that FFV1 would tell.
 """
 
 from __future__ import annotations
 
+import json
 import math
 import os
+import re
 import stat
-from collections.abc import Iterator
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from threading import Lock
-from typing import Any
+from typing import IO, Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from leakloc import video_decoder
 from leakloc.image_file import grey_of
 from leakloc.rig import MAX_SIDE_PX
 
@@ -27,41 +33,98 @@ MAX_VIDEO_BYTES = 16 << 30
 CONTAINERS = "avi,matroska,webm,mov,mp4,m4a,3gp,3g2,mj2,mpegts,mpeg,mpegvideo,yuv4mpegpipe,mxf,asf,flv,ogg,dv,wmv"
 ENVIRONMENT = {
     "OPENCV_FFMPEG_CAPTURE_OPTIONS": f"protocol_whitelist;file|format_whitelist;{CONTAINERS}",
-    "OPENCV_FFMPEG_LOGLEVEL": "-8",  # AV_LOG_QUIET; FFmpeg looks at it once, at the first video of a process
+    "OPENCV_FFMPEG_LOGLEVEL": "16",  # AV_LOG_ERROR
+    "OPENCV_LOG_LEVEL": "OFF",
 }
-GREY_FORMATS = {int.from_bytes(code, "little") for code in (b"Y800", b"GREY", b"Y1\x00\x10")}  # 8 bit, 8 bit, 16 bit
+COMPLAINT = re.compile(rb"\[OPENCV:FFMPEG:\d+\]\s*([^\r\n\[]*)")
+MAX_LOG_BYTES, MAX_COMPLAINT = 4096, 80
 
-_environment_lock = Lock()
+Size = tuple[int, int]
 
 
-def video_frames(path: Path, max_frames: int, max_bytes: int) -> tuple[NDArray[Any], float]:
+def video_frames(
+    path: Path, max_frames: int, max_bytes: int, check_size: Callable[[Size], None] = lambda _: None
+) -> tuple[NDArray[Any], float]:
     """All frames of a video, (frames, height, width) uint8 (uint16 if grey of 16 bit), and its frames/s or NaN.
 
-    Colours are turned to grey by the weights of ITU-R BT.601. Raises ValueError with what is wrong, without the file's
-    name: not a regular file, no video, fewer frames than its container announces, frames over the limits.
+    Colours are turned to grey by the weights of ITU-R BT.601. `check_size` may refuse the (width, height) in px that
+    the container announces before anything is decoded. Raises ValueError with what is wrong, without the file's name:
+    not a regular file, no video, fewer frames than its container announces, frames over the limits, damage.
     """
-    with _open(path) as video:
-        size = tuple(int(video.get(side)) for side in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
-        if not all(0 < side <= MAX_SIDE_PX for side in size):
-            raise ValueError(f"video must be 1 to {MAX_SIDE_PX} px wide and high, got {size}")
+    with _decoding(path, max_frames + 1) as video:
+        if not all(0 < side <= MAX_SIDE_PX for side in video.size_px):
+            raise ValueError(f"video must be 1 to {MAX_SIDE_PX} px wide and high, got {video.size_px}")
+        check_size(video.size_px)
         frames: list[NDArray[Any]] = []
-        for frame in _decoded(video):
+        for frame in _grey(video):
             if (len(frames) + 1) * frame.nbytes > max_bytes or len(frames) == max_frames:
                 raise ValueError(f"video must have at most {max_frames} frames and {max_bytes} bytes decoded")
             frames.append(frame)
-        _check_announced(len(frames), video.get(cv2.CAP_PROP_FRAME_COUNT))
-        fps = video.get(cv2.CAP_PROP_FPS)
-    return np.stack(frames), fps if math.isfinite(fps) and fps > 0 else math.nan
+        _check_announced(len(frames), video.n_frames)
+        video.check_undamaged()
+    return np.stack(frames), video.fps if math.isfinite(video.fps) and video.fps > 0 else math.nan
 
 
-def video_size(path: Path) -> tuple[int, int]:
+def video_size(path: Path) -> Size:
     """(width, height) in px of a video as its container says. Raises ValueError as `video_frames` does."""
-    with _open(path) as video:
-        return int(video.get(cv2.CAP_PROP_FRAME_WIDTH)), int(video.get(cv2.CAP_PROP_FRAME_HEIGHT))
+    with _decoding(path, 0) as video:
+        return video.size_px
+
+
+@dataclass(frozen=True)
+class _Video:
+    """A video that is being decoded: what its container announces, its decoder, and the log of it."""
+
+    size_px: Size
+    n_frames: float
+    fps: float
+    decoder: subprocess.Popen[bytes]
+    log: IO[bytes]
+
+    def frames(self) -> Iterator[NDArray[Any]]:
+        """Yield frames (height, width[, channels]) as they are decoded."""
+        assert self.decoder.stdout is not None
+        while head := self.decoder.stdout.readline():
+            told = json.loads(head)
+            frame = np.empty(told["shape"], dtype=told["dtype"])
+            if self.decoder.stdout.readinto(frame.reshape(-1).view(np.uint8)) < frame.nbytes:  # type: ignore[attr-defined]
+                break
+            yield frame
+        if self.decoder.wait() != 0:
+            raise ValueError("damaged video: its decoder broke down")
+
+    def check_undamaged(self) -> None:
+        """Raise ValueError with the first thing that FFmpeg complained of."""
+        if complaints := COMPLAINT.findall(_start_of(self.log)):
+            first = complaints[0].decode("ascii", "replace").strip()[:MAX_COMPLAINT]
+            raise ValueError(
+                f"damaged video, FFmpeg says: {''.join(filter(str.isprintable, first))!r}; if its frames will do as "
+                "they are decoded, give them as PNG images"
+            )
 
 
 @contextmanager
-def _open(path: Path) -> Iterator[cv2.VideoCapture]:
+def _decoding(path: Path, n_frames: int) -> Iterator[_Video]:
+    real = _regular_file(path)
+    command = [sys.executable, video_decoder.__file__, str(real), str(n_frames)]
+    environment = {**os.environ, **ENVIRONMENT}
+    with tempfile.TemporaryFile() as log:
+        decoder = subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=log, env=environment
+        )
+        with decoder:
+            try:
+                assert decoder.stdout is not None
+                head = decoder.stdout.readline()
+                if not head:
+                    raise ValueError(_why_nothing(decoder.wait(), log))
+                told = json.loads(head)
+                yield _Video((told["size"][0], told["size"][1]), told["n_frames"], told["fps"], decoder, log)
+            finally:
+                decoder.kill()
+
+
+def _regular_file(path: Path) -> Path:
     try:
         real = path.resolve(strict=True)
         status = real.stat()
@@ -71,28 +134,24 @@ def _open(path: Path) -> Iterator[cv2.VideoCapture]:
         raise ValueError("must be a regular file")
     if status.st_size > MAX_VIDEO_BYTES:
         raise ValueError(f"must be at most {MAX_VIDEO_BYTES} bytes")
-    with _environment():
-        video = cv2.VideoCapture(str(real), cv2.CAP_FFMPEG)
-    try:
-        if not video.isOpened():
-            raise ValueError("not a video that can be decoded, or truncated")
-        video.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)  # a calibration is of the pixels as the sensor has them
-        if int(video.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT)) in GREY_FORMATS:
-            video.set(cv2.CAP_PROP_CONVERT_RGB, 0)  # would lose the lower 8 of 16 bits
-        yield video
-    finally:
-        video.release()
+    return real
 
 
-def _decoded(video: cv2.VideoCapture) -> Iterator[NDArray[Any]]:
+def _why_nothing(code: int, log: IO[bytes]) -> str:
+    if code == video_decoder.NO_VIDEO or code < 0:
+        return "not a video that can be decoded, or truncated"
+    lines = _start_of(log).decode("utf-8", "replace").strip().splitlines()
+    return f"the video decoder does not start: {lines[-1] if lines else code}"
+
+
+def _start_of(log: IO[bytes]) -> bytes:
+    log.seek(0)
+    return log.read(MAX_LOG_BYTES)
+
+
+def _grey(video: _Video) -> Iterator[NDArray[Any]]:
     first = None
-    while True:
-        try:
-            decoded, image = video.read()
-        except cv2.error:
-            decoded = False
-        if not decoded:
-            return
+    for image in video.frames():
         frame = grey_of(image)
         first = frame if first is None else first
         if frame.shape != first.shape or frame.dtype != first.dtype:
@@ -105,19 +164,3 @@ def _check_announced(decoded: int, announced: float) -> None:
         raise ValueError("truncated or damaged video: no frame can be decoded")
     if math.isfinite(announced) and decoded < announced:
         raise ValueError(f"truncated or damaged video: announces {announced:.0f} frames, {decoded} can be decoded")
-
-
-@contextmanager
-def _environment() -> Iterator[None]:
-    """OpenCV takes FFmpeg's options from the environment and from nowhere else."""
-    with _environment_lock:
-        before = {key: os.environ.get(key) for key in ENVIRONMENT}
-        os.environ.update(ENVIRONMENT)
-        try:
-            yield
-        finally:
-            for key, value in before.items():
-                if value is None:
-                    del os.environ[key]
-                else:
-                    os.environ[key] = value

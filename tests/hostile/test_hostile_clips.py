@@ -218,3 +218,5 @@ def test_a_thousand_damaged_videos_never_crash_and_exported_ones_never_go_unnoti
     assert sum(tally.values()) == 1000
     assert tally["exported: refused"] > 0
     assert tally["exported: decoded to other frames"] == 0
+    foreign = sum(count for kind, count in tally.items() if kind.startswith("foreign"))
+    assert tally["foreign: decoded to other frames"] <= 0.05 * foreign  # frames that changed places, whole ones

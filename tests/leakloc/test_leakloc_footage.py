@@ -2,14 +2,15 @@ import math
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from leakloc import ClipError
+from leakloc import ClipError, video_decoder
 from leakloc.footage import footage_size, image_paths, read_footage
 from leakloc.image_file import image_size_of
 
@@ -39,6 +40,13 @@ def write_video(path, frames, codec="FFV1", fps=12.0):
         writer.write(frame)
     writer.release()
     return path
+
+
+def footage_or_error(left, right, rig):
+    try:
+        return read_footage(left, right, rig)
+    except ClipError as error:
+        return str(error)
 
 
 def cut(path, share=0.6):
@@ -362,8 +370,41 @@ def test_the_environment_and_opencvs_log_level_are_left_as_they_were(tmp_path, m
     assert cv2.utils.logging.getLogLevel() == level
 
 
+@settings(max_examples=12)
+@given(st.floats(0.15, 0.85), st.integers(1, 255))
+def test_a_changed_byte_of_a_lossless_video_is_refused_or_changes_no_pixel(tmp_path_factory, make_rig, place, mask):
+    folder = tmp_path_factory.mktemp("damaged")
+    views = grey(n=6)
+    left, right = (write_video(folder / f"{name}.mkv", views[k]) for k, name in enumerate(("left", "right")))
+    content = bytearray(left.read_bytes())
+    content[int(place * len(content))] ^= mask
+    left.write_bytes(content)
+    read = footage_or_error(left, right, make_rig(W, H))
+    assert "left.mkv: " in read if isinstance(read, str) else np.array_equal(read.left, views[0])
+
+
+def test_damage_is_told_by_ffmpeg_whatever_the_process_has_asked_it_to_say_before(tmp_path, rig, monkeypatch):
+    left, right = (write_video(tmp_path / f"{k}.mkv", grey(n=6)[k]) for k in range(2))
+    monkeypatch.setenv("OPENCV_FFMPEG_LOGLEVEL", "-8")
+    assert cv2.VideoCapture(str(right)).isOpened()
+    content = bytearray(left.read_bytes())
+    content[len(content) // 2] ^= 0x55
+    left.write_bytes(content)
+    with pytest.raises(ClipError, match=r"0\.mkv: damaged video, FFmpeg says: .*CRC mismatch.* give them as PNG"):
+        read_footage(left, right, rig)
+
+
+def test_a_decoder_that_a_video_takes_down_is_a_damaged_video(tmp_path, rig, monkeypatch):
+    paths = [write_video(tmp_path / f"{k}.mkv", grey()[k]) for k in range(2)]
+    program = Path(video_decoder.__file__).read_text()
+    breaking = tmp_path / "breaking.py"
+    breaking.write_text(program.replace("    frames.close()\n", "    os.abort()\n"))
+    monkeypatch.setattr(video_decoder, "__file__", str(breaking))
+    with pytest.raises(ClipError, match=r"0\.mkv: damaged video: its decoder broke down"):
+        read_footage(*paths, rig)
+
+
 def test_damaged_and_truncated_videos_leave_the_terminal_quiet(tmp_path, make_rig):
-    """In a process of its own: FFmpeg asks for its log level once, and another test may have been first."""
     cut(write_video(tmp_path / "cut.mkv", grey(n=24)[0]))
     cut(write_video(tmp_path / "cut.mp4", grey(n=24)[0], "mp4v"))
     damaged = write_video(tmp_path / "damaged.mkv", grey(n=24)[0])
