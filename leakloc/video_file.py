@@ -15,11 +15,11 @@ import re
 import stat
 import subprocess
 import sys
-import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from threading import Thread
 from typing import IO, Any
 
 import numpy as np
@@ -71,15 +71,33 @@ def video_size(path: Path) -> Size:
         return video.size_px
 
 
+class _Log:
+    """The start of what a process writes to a pipe; the rest is read and forgotten, lest the process waits."""
+
+    def __init__(self, pipe: IO[bytes]) -> None:
+        self._start = b""
+        self._reader = Thread(target=self._read, args=(pipe,), daemon=True)
+        self._reader.start()
+
+    def _read(self, pipe: IO[bytes]) -> None:
+        while part := os.read(pipe.fileno(), MAX_LOG_BYTES):
+            self._start += part[: MAX_LOG_BYTES - len(self._start)]
+
+    def whole(self) -> bytes:
+        """Return it once the process has ended."""
+        self._reader.join()
+        return self._start
+
+
 @dataclass(frozen=True)
 class _Video:
-    """A video that is being decoded: what its container announces, its decoder, and the log of it."""
+    """A video that is being decoded: what its container announces, its decoder, and what that complains of."""
 
     size_px: Size
     n_frames: float
     fps: float
     decoder: subprocess.Popen[bytes]
-    log: IO[bytes]
+    log: _Log
 
     def frames(self) -> Iterator[NDArray[Any]]:
         """Yield frames (height, width[, channels]) as they are decoded."""
@@ -95,7 +113,7 @@ class _Video:
 
     def check_undamaged(self) -> None:
         """Raise ValueError with the first thing that FFmpeg complained of."""
-        if complaints := COMPLAINT.findall(_start_of(self.log)):
+        if complaints := COMPLAINT.findall(self.log.whole()):
             first = complaints[0].decode("ascii", "replace").strip()[:MAX_COMPLAINT]
             raise ValueError(
                 f"damaged video, FFmpeg says: {''.join(filter(str.isprintable, first))!r}; if its frames will do as "
@@ -108,20 +126,20 @@ def _decoding(path: Path, n_frames: int) -> Iterator[_Video]:
     real = _regular_file(path)
     command = [sys.executable, video_decoder.__file__, str(real), str(n_frames)]
     environment = {**os.environ, **ENVIRONMENT}
-    with tempfile.TemporaryFile() as log:
-        decoder = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=log, env=environment
-        )
-        with decoder:
-            try:
-                assert decoder.stdout is not None
-                head = decoder.stdout.readline()
-                if not head:
-                    raise ValueError(_why_nothing(decoder.wait(), log))
-                told = json.loads(head)
-                yield _Video((told["size"][0], told["size"][1]), told["n_frames"], told["fps"], decoder, log)
-            finally:
-                decoder.kill()
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, env=environment) as decoder:
+        assert decoder.stdout is not None
+        assert decoder.stderr is not None
+        log = _Log(decoder.stderr)
+        try:
+            head = decoder.stdout.readline()
+            if not head:
+                raise ValueError(_why_nothing(decoder.wait(), log.whole()))
+            told = json.loads(head)
+            yield _Video((told["size"][0], told["size"][1]), told["n_frames"], told["fps"], decoder, log)
+        finally:
+            decoder.kill()
+            log.whole()  # its reader ends before the pipe is closed
 
 
 def _regular_file(path: Path) -> Path:
@@ -137,16 +155,11 @@ def _regular_file(path: Path) -> Path:
     return real
 
 
-def _why_nothing(code: int, log: IO[bytes]) -> str:
+def _why_nothing(code: int, log: bytes) -> str:
     if code == video_decoder.NO_VIDEO or code < 0:
         return "not a video that can be decoded, or truncated"
-    lines = _start_of(log).decode("utf-8", "replace").strip().splitlines()
+    lines = log.decode("utf-8", "replace").strip().splitlines()
     return f"the video decoder does not start: {lines[-1] if lines else code}"
-
-
-def _start_of(log: IO[bytes]) -> bytes:
-    log.seek(0)
-    return log.read(MAX_LOG_BYTES)
 
 
 def _grey(video: _Video) -> Iterator[NDArray[Any]]:
