@@ -81,10 +81,12 @@ def estimate_dose_rate(
     def dose(wanted: float) -> float:
         return model.tracks_per_pixel(wanted) / tracks_per_gy_h
 
-    # Where nothing was counted, three visible tracks are the upper limit.
+    # On the scale of logarithms, for where few were counted the error was counted small as well. Where nothing was
+    # counted, three visible tracks are the upper limit.
+    factor = float(np.exp(Z_95 * error / share)) if share > 0 else 1.0
     nothing_seen = FEWEST_TRACKS * model.bright_pixels_per_track() / model.visible_share() / frames.size
-    high = dose(min(max(share + Z_95 * error, nothing_seen), 0.95))
-    value, low = dose(share), dose(max(share - Z_95 * error, 0.0))
+    high = dose(min(max(share * factor, nothing_seen), 0.95))
+    value, low = dose(share), dose(share / factor)
     if not np.isfinite(high):
         raise ValueError(f"estimate_dose_rate: {share:.0%} of the pixels are bright: too many to tell the rate")
     allowance = Z_95 * MODEL_ALLOWANCE * value

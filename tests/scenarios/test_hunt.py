@@ -39,9 +39,9 @@ FREQUENT = (
 NO_BLINDNESS = Planted("nowhere", 0.0, lambda _: False)
 
 
-def scenes_until_met(planted, seed):
+def scenes_until_met(planted, seed, budget):
     quarry = Quarry(space(), ROBUST, seed)
-    for tried in hunt(quarry, lambda works: [stand_in(planted, work.scenario) for work in works], BUDGET):
+    for tried in hunt(quarry, lambda works: [stand_in(planted, work.scenario) for work in works], budget):
         for one in tried:
             if is_met(planted, one.scenario, one.run):
                 return one.number + 1
@@ -49,9 +49,9 @@ def scenes_until_met(planted, seed):
 
 
 @pytest.mark.statistical
-def test_a_hundred_scenes_meet_failures_of_one_and_a_half_percent_of_two_parameters(harness_seed):
-    # over 12 seeds each was met in 11 or 12; of random hundreds in 7 to 9
-    assert sum(scenes_until_met(planted, harness_seed) is not None for planted in FREQUENT) >= 3
+def test_160_scenes_meet_failures_of_one_and_a_half_percent_of_two_parameters(harness_seed):
+    # each is met within 100 scenes in 11 or 12 of 12 seeds, so within 160 with a chance of some 0.985
+    assert sum(scenes_until_met(planted, harness_seed, 160) is not None for planted in FREQUENT) >= 2
 
 
 @pytest.mark.statistical
