@@ -44,22 +44,13 @@ GHOST_SHARE = 0.6  # of the significance of the leaks whose columns a ghost has
 
 
 def explain_tracks(tracks: Sequence[Track], views: Sequence[Streaks], level: LevelPair, rig: Rig) -> list[Verdict]:
-    """A verdict per track: bright lines first, then what they leave unexplained; strongest first within each.
-
-    Bright lines that only one view shows for certain come last: near the wall the shadow beside tells the other column.
-    """
+    """A verdict per track: bright lines first, then what they leave unexplained; strongest first within each."""
     lines = [understand(track, views, level, rig) for track in tracks]
     lines.sort(key=lambda one: (one.is_shadowy, not one.track.bright, -one.track.sigmas))
     verdicts: list[Verdict] = []
-    one_sided: list[Line] = []
-    while lines or one_sided:
-        last = not lines
-        line = one_sided.pop(0) if last else lines.pop(0)
+    for line in lines:
         found = [v for v in verdicts if v.reason == LEAK]
         verdict = judge(line, views, (level, rig), found)
-        if not last and verdict.is_one_sided:
-            one_sided.append(line)
-            continue
         if verdict.reason in (OUTSIDE, NOT_BRIGHT) and line.track.bright and line.on_wall:
             line = replace(line, track=replace(line.track, bright=False), polarity=-1.0)
             verdict = judge(line, views, (level, rig), found)

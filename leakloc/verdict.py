@@ -54,11 +54,6 @@ class Verdict:
         """Of the drop where there is one, else of the line itself, (2,)."""
         return self.line.columns_px if self.fit is None else self.fit.columns_px
 
-    @property
-    def is_one_sided(self) -> bool:
-        """Whether one view alone shows its drop for certain."""
-        return self.fit is not None and self.reason == LEAK and float(self.fit.glint_sigmas.min()) < LEAST_GLINT_SIGMAS
-
     def is_same(self, known: Verdict) -> bool:
         """Whether a leak is one that is known: both columns, or one if it was only guessed beside a shadow.
 
