@@ -10,6 +10,7 @@ import pytest
 
 from scenarios.evaluation import AS_IT_IS, EXPERIMENTS, QUICK, Evaluation, campaign_files
 from scenarios.evaluation_bars import bars_of
+from scenarios.evaluation_report import Findings, report_html
 from scenarios.evaluation_tables import RULES, as_data, experiment_rows, flattened, tables_csv, tally
 from scenarios.evaluation_why import cures, differences, means_of_sets_m
 from scenarios.evaluation_worst import worst_scenes
@@ -145,6 +146,19 @@ def test_where_no_leak_is_found_the_report_says_so_and_prints_no_undefined_numbe
     assert differences([row])[0] == (
         "Tables 2, 3, H: found 0/1 against 26/30 (-86.7 points); no leak found, so no mean error to put beside 0.22 m"
     )
+
+
+@pytest.mark.parametrize(("n_clips", "told"), [(2, ""), (4, ""), (5, "<br>[0.100, 0.100]")])
+def test_the_page_tells_the_interval_of_a_mean_where_there_are_five_clips_and_none_where_there_are_fewer(n_clips, told):
+    runs = [clip(i, [FOUND], [(1.1, 0.0)]) for i in range(n_clips)]
+    stored = SimpleNamespace(runs=runs, identity=SimpleNamespace(versions="leakloc 0"))
+    caused = SimpleNamespace(runs=[without(AS_IT_IS, 0, [FOUND], [(1.1, 0.0)])])
+    evaluation = Evaluation(QUICK, campaign_files(QUICK), {"separated": stored, "causes": caused})
+    rows = experiment_rows(SEPARATED, runs)
+    page = report_html(evaluation, Findings(rows, bars_of(None, rows), {}))
+    assert page.count(f"<td>0.100 ± 0.000{told}</td>") == 2  # by the paper's rule and by the gate
+    low, high = clopper_pearson(n_clips, n_clips)
+    assert page.count(f"{n_clips}/{n_clips} [{low:.2f}, {high:.2f}]") == 2 * 3  # of a rate there always is one
 
 
 def test_a_clip_without_leaks_that_count_is_no_trial():
