@@ -8,6 +8,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from scenarios.campaign_summary import number
 from scenarios.evaluation import Evaluation
 from scenarios.evaluation_tables import Row
 from scenarios.statistics import clopper_pearson
@@ -70,15 +71,15 @@ def _paper_separated(row: Row) -> Iterator[Bar]:
             f"found, of all leaks: within the binomial interval of {there.found}/{there.of}, {low:.2f} to {high:.2f}"
         )
         rate = found.leaks / found.of_leaks if found.of_leaks else math.nan
-        yield _bar(row, wanted, f"{found.leaks}/{found.of_leaks} = {rate:.2f}", is_met=low <= rate <= high)
+        yield _bar(row, wanted, f"{found.leaks}/{found.of_leaks} = {number(rate, '.2f')}", is_met=low <= rate <= high)
     missed = f"{part.missed_out_of_view} out of view, {part.missed_in_view} in view"
     yield _bar(row, "missed leaks are out of view", missed, is_met=part.missed_in_view == 0)
     low, high = PAPER_ERROR_M
     mean_m = part.error.mean_m
-    yield _bar(row, f"mean error {low:g} to {high:g} m", f"{mean_m:.3f} m", is_met=low <= mean_m <= high)
+    yield _bar(row, f"mean error {low:g} to {high:g} m", _told(mean_m, ".3f", " m"), is_met=low <= mean_m <= high)
     share = part.near_wall_share
     wanted = "most of the error is of leaks near the wall"
-    yield _bar(row, wanted, f"{share:.0%} of it", is_met=share > 0.5)
+    yield _bar(row, wanted, _told(share, ".0%", " of it"), is_met=share > 0.5)
 
 
 def _paper_crowded(row: Row, missed_gaps_m: Sequence[float]) -> Iterator[Bar]:
@@ -100,7 +101,12 @@ def _robust(row: Row) -> Iterator[Bar]:
             enough = found.of_leaks > 0 and found.leaks >= bar.rate * found.of_leaks
             yield _bar(row, f"found, of observable leaks: at least {bar.rate:.0%}", got, is_met=enough)
             wanted = f"mean error at most {bar.mean_error_m:g} m"
-            yield _bar(row, wanted, f"{mean_m:.4f} m", is_met=mean_m <= bar.mean_error_m)
+            yield _bar(row, wanted, _told(mean_m, ".4f", " m"), is_met=mean_m <= bar.mean_error_m)
+
+
+def _told(value: float, form: str, unit: str) -> str:
+    """Return what was got; errors of no leak at all have neither mean nor share."""
+    return "no leak found" if math.isnan(value) else f"{value:{form}}{unit}"
 
 
 def _bar(row: Row, wanted: str, got: str, *, is_met: bool) -> Bar:

@@ -144,9 +144,11 @@ def _rate(found: Found) -> str:
 
 
 def _error(error: Errors) -> str:
-    """Mean and standard deviation, with the interval of the mean where there is one."""
+    """Mean and standard deviation, with the interval of the mean where there is one; a dash without errors."""
+    if not error.n:
+        return "-"
     interval = "" if np.isnan(error.low_m) else f"<br>[{error.low_m:.3f}, {error.high_m:.3f}]"
-    return f"{number(error.mean_m, '.3f')} ± {number(error.sd_m, '.3f')}{interval}"
+    return f"{error.mean_m:.3f} ± {error.sd_m:.3f}{interval}"
 
 
 def _split(error: Errors) -> str:

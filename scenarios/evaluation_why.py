@@ -6,8 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scenarios.campaign_summary import number
 from scenarios.evaluation import AS_IT_IS, Evaluation, scenario_of
-from scenarios.evaluation_tables import Row
+from scenarios.evaluation_tables import Errors, Row
+from scenarios.published import Published
 from scenarios.scene_work import NEAR_WALL_M
 from scenarios.stored_run import Run, replay_command
 
@@ -76,18 +78,23 @@ def _difference(row: Row) -> str:
     part, there = row.paper_rule, row.published
     assert there is not None
     found = part.found["all"]
-    by_m = part.error.mean_m - there.mean_error_m
     rate = found.leaks / found.of_leaks - there.found / there.of if found.of_leaks else math.nan
     return (
         f"{there.table}, {row.setting}: found {found.leaks}/{found.of_leaks} against {there.found}/{there.of} "
-        f"({100.0 * rate:+.1f} points); mean error {part.error.mean_m:.3f} m against {there.mean_error_m:.2f} m "
-        f"({by_m:+.3f} m; {_inside(row)})"
+        f"({number(100.0 * rate, '+.1f')} points); {_error_beside(part.error, there)}"
     )
 
 
-def _inside(row: Row) -> str:
-    error, there = row.paper_rule.error, row.published
-    assert there is not None
+def _error_beside(error: Errors, there: Published) -> str:
+    if not error.n:
+        return f"no leak found, so no mean error to put beside {there.mean_error_m:.2f} m"
+    by_m = error.mean_m - there.mean_error_m
+    return (
+        f"mean error {error.mean_m:.3f} m against {there.mean_error_m:.2f} m ({by_m:+.3f} m; {_inside(error, there)})"
+    )
+
+
+def _inside(error: Errors, there: Published) -> str:
     if math.isnan(error.low_m):
         return "too few clips for an interval"
     within = error.low_m <= there.mean_error_m <= error.high_m

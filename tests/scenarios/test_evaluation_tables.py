@@ -10,8 +10,10 @@ import pytest
 
 from scenarios.evaluation import AS_IT_IS, EXPERIMENTS, QUICK, Evaluation, campaign_files
 from scenarios.evaluation_bars import bars_of
+from scenarios.evaluation_report import Findings, report_html
 from scenarios.evaluation_tables import RULES, as_data, experiment_rows, flattened, tables_csv, tally
 from scenarios.evaluation_why import cures, differences, means_of_sets_m
+from scenarios.evaluation_worst import worst_scenes
 from scenarios.published import LEVELS_GY_H, PUBLISHED, published
 from scenarios.scene_work import LeakOutcome
 from scenarios.statistics import clopper_pearson, mean_interval
@@ -132,6 +134,60 @@ def test_the_bars_of_the_papers_method_go_by_its_own_rule():
     missed = leak(1, 2.2, 0.0, "missed.unexplained")
     bars = bars_of(None, experiment_rows(SEPARATED, [clip(0, [FOUND, missed], [(1.1, 0.0)])]))
     assert [bar.is_met for bar in bars] == [False, False, True, False]
+
+
+def test_where_no_leak_is_found_the_report_says_so_and_prints_no_undefined_number():
+    (row,) = experiment_rows(SEPARATED, [clip(0, [OUTSIDE], [])])
+    (robust,) = experiment_rows(SEPARATED, [clip(0, [OUTSIDE], [], method="robust")])
+    assert [bar.got for bar in bars_of(None, [row])] == [
+        *("0/1 = 0.00", "1 out of view, 0 in view", "no leak found", "no leak found")
+    ]
+    assert [bar.got for bar in bars_of(None, [robust])] == ["0/0", "no leak found"]
+    assert differences([row])[0] == (
+        "Tables 2, 3, H: found 0/1 against 26/30 (-86.7 points); no leak found, so no mean error to put beside 0.22 m"
+    )
+
+
+@pytest.mark.parametrize(("n_clips", "told"), [(2, ""), (4, ""), (5, "<br>[0.100, 0.100]")])
+def test_the_page_tells_the_interval_of_a_mean_where_there_are_five_clips_and_none_where_there_are_fewer(n_clips, told):
+    runs = [clip(i, [FOUND], [(1.1, 0.0)]) for i in range(n_clips)]
+    stored = SimpleNamespace(runs=runs, identity=SimpleNamespace(versions="leakloc 0"))
+    caused = SimpleNamespace(runs=[without(AS_IT_IS, 0, [FOUND], [(1.1, 0.0)])])
+    evaluation = Evaluation(QUICK, campaign_files(QUICK), {"separated": stored, "causes": caused})
+    rows = experiment_rows(SEPARATED, runs)
+    page = report_html(evaluation, Findings(rows, bars_of(None, rows), {}))
+    assert page.count(f"<td>0.100 ± 0.000{told}</td>") == 2  # by the paper's rule and by the gate
+    low, high = clopper_pearson(n_clips, n_clips)
+    assert page.count(f"{n_clips}/{n_clips} [{low:.2f}, {high:.2f}]") == 2 * 3  # of a rate there always is one
+
+
+def test_a_clip_without_leaks_that_count_is_no_trial():
+    found = tally([ONE, clip(1, [OUTSIDE], [])], RULES["paper_rule"]).found
+    assert [(which, one.clips, one.of_clips) for which, one in found.items()] == [
+        *(("all", 0, 2), ("in_view", 1, 1), ("observable", 1, 1))
+    ]
+
+
+def test_the_worst_scene_is_pictured_at_the_strongest_noise_with_the_method_that_it_is_worst_for(monkeypatch):
+    monkeypatch.setattr("scenarios.evaluation_worst.picture", lambda scenario, estimator: (scenario, estimator.text))
+    files = campaign_files(QUICK)
+    scenes = files["separated"].scenes()
+    missed = leak(1, 2.2, 0.0, "missed.unexplained")
+    runs = []
+    for scene in scenes:
+        for number, method in enumerate(("paper", "robust")):
+            # Each method misses a leak in another repeat, and all leaks where noise is weaker.
+            weak, bad = scene.scenario.gamma.dose_rate_gy_h < 10.0, scene.repeat == 1 + number
+            leaks = [missed, missed] if weak else [FOUND, missed] if bad else [FOUND]
+            run = clip(scene.number, leaks, [(1.1, 0.0)], method=method, dose=scene.scenario.gamma.dose_rate_gy_h)
+            runs.append(replace(run, seed=scene.number, repeat=scene.repeat))
+    worst = worst_scenes(Evaluation(QUICK, files, {"separated": SimpleNamespace(runs=runs)}))
+    assert [one.method for one in worst] == ["paper", "robust"]
+    for one, repeat in zip(worst, (1, 2), strict=True):
+        (scene,) = (s for s in scenes if s.repeat == repeat and s.scenario.gamma.dose_rate_gy_h == 10.0)
+        assert one.png == (scene.scenario, one.method)
+        assert one.replay.endswith(f"--seed {scene.number} --method {one.method}")
+        assert one.words.startswith("1 of 2 observable leaks missed")
 
 
 class Runs:

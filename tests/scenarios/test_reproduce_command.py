@@ -66,6 +66,43 @@ def test_the_worst_scene_of_each_method_is_shown_with_the_command_that_explains_
         assert f"--method {one['method']}" in one["replay"]
 
 
+def test_the_page_holds_the_rows_of_the_data_each_beside_its_own_setting_and_method(made):
+    folder, _ = made
+    page = (folder / "report.html").read_text()
+    tables = page[page.index("<h2>Tables</h2>") : page.index("<h2>Figures</h2>")]
+    shown = [
+        (*re.findall('<td class="text">(.*?)</td>', row), re.search(r"<td>(\d+)</td>", row)[1], row)
+        for row in re.findall("<tr>(<td.*?)</tr>", tables)
+    ]
+    rows = json.loads((folder / "tables.json").read_text())["rows"]
+    # By experiment, a table by the paper's rule and one by the gate.
+    names = dict.fromkeys(row["experiment"] for row in rows)
+    wanted = [
+        (row, row[rule])
+        for name in names
+        for rule in ("paper_rule", "gated")
+        for row in rows
+        if row["experiment"] == name
+    ]
+    assert len(shown) == len(wanted)
+    for (setting, method, clips, cells), (row, part) in zip(shown, wanted, strict=True):
+        assert (setting, method, int(clips)) == (row["setting"], row["method"], row["n_clips"])
+        for found in part["found"].values():
+            interval = f"[{found['clips_low']:.2f}, {found['clips_high']:.2f}]"
+            told = f"{found['leaks']}/{found['of_leaks']}<br>{found['clips']}/{found['of_clips']} {interval}"
+            assert f"<td>{told}</td>" in cells
+
+
+def test_nothing_that_is_undefined_is_printed_as_a_number_or_an_interval(made):
+    folder, said = made
+    page = re.sub('<svg.*?</svg>|base64,[^"]*', "", (folder / "report.html").read_text(), flags=re.DOTALL)
+    data = (folder / "tables.json").read_text()
+    assert '"mean_m": null' in data  # or this shows nothing
+    assert '"low_m": null' in data
+    for text in (page, said, data, (folder / "tables.csv").read_text()):
+        assert re.findall(r".{20}(?:\bnan\b|\[-,).{20}", text, flags=re.IGNORECASE) == []
+
+
 def test_json_and_csv_agree_and_hold_every_row(made):
     folder, _ = made
     data = json.loads((folder / "tables.json").read_text())
