@@ -155,12 +155,16 @@ def without_work(cases):
 
 
 def test_a_trick_of_a_path_is_refused_and_nothing_changes(sandbox, tally):
-    refuse_all(sandbox, without_work(reading_tricks()[::9]), tally)
+    cases = without_work(reading_tricks()[::9])
+    refuse_all(sandbox, cases, tally)
+    assert tally["refused with exit code 2"] >= len(cases) - 1 > 100
 
 
 @pytest.mark.deep
 def test_a_thousand_tricks_of_paths_are_refused_and_nothing_changes(sandbox, tally):
-    refuse_all(sandbox, without_work(reading_tricks()), tally)
+    cases = without_work(reading_tricks())
+    refuse_all(sandbox, cases, tally)
+    assert tally["refused with exit code 2"] >= len(cases) - 1 > 1000
 
 
 # what writes to a path (X)

@@ -74,12 +74,14 @@ def estimators_refused(tmp_path, tally):
     return refused
 
 
-def test_what_names_no_function_is_refused_before_a_scene_is_rendered(estimators_refused):
+def test_what_names_no_function_is_refused_before_a_scene_is_rendered(estimators_refused, tally):
     estimators_refused("--estimator", NO_FUNCTIONS)
+    assert tally["refused with exit code 2"] == 3 * len(NO_FUNCTIONS) > 0
 
 
-def test_what_names_no_program_is_refused_before_a_scene_is_rendered(estimators_refused):
+def test_what_names_no_program_is_refused_before_a_scene_is_rendered(estimators_refused, tally):
     estimators_refused("--command", NO_COMMANDS)
+    assert tally["refused with exit code 2"] == 3 * len(NO_COMMANDS) > 0
 
 
 @pytest.fixture(scope="module")
