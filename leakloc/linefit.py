@@ -30,6 +30,8 @@ START_RADII = (0.6, 1.8)  # of DROP_RADIUS_M
 TRIED_GLINTS = 2  # starts from single glints that are fitted, of the nine that are looked at
 BAD_CHI2 = 4.0  # per sample of a bright line: its columns may be those of single glints, not of their drop
 MODEL_ERROR = 0.02  # of the profile's peak: what the shapes cannot follow
+STEP = 1e-6  # of a parameter, px or logarithm, for the slopes of the residuals
+SAME_SHAPE = 1e-6  # shapes that differ by less of their size are one
 LEAST_CHI2 = 0.2  # per sample of a bright line: most shapes follow better than that, and say so
 
 
@@ -108,12 +110,15 @@ def predict(place_m: Array, level: LevelPair, rig: Rig) -> Prediction:
     return Prediction(radius_px * np.hypot(1.0, slopes), shadows, blur, core, spread, glints, light)
 
 
-def predict_shadows(place_m: Array, level: LevelPair, rig: Rig) -> Array:
-    """Columns (lamps, 2) of a leak's shadows alone; NaN where there is none, lamps and wall being known."""
+def predict_shadows(places_m: Array, level: LevelPair, rig: Rig) -> Array:
+    """Columns (n, lamps, 2) of the shadows of leaks at places (n, 2) alone; NaN where there is none.
+
+    Lamps and wall are known.
+    """
     assert rig.lamps is not None
     assert rig.pedestal_radius is not None
-    places_m = np.concatenate([shadow_places(place_m, lamp[:2], rig.pedestal_radius) for lamp in rig.lamps])
-    return level.columns_of(places_m)
+    shadows_m = [shadow_places(places_m, lamp[:2], rig.pedestal_radius) for lamp in rig.lamps]
+    return level.columns_of(np.stack(shadows_m, axis=1))
 
 
 def _shadow(place_m: Array, lamp: Array, level: LevelPair, radius_m: float) -> tuple[Array, Array, Array, Array]:
@@ -148,7 +153,8 @@ class _Problem:
     Parameters: the drop's two columns; the logarithms of its radius over DROP_RADIUS_M and of the blur over BLUR_PX;
     the logarithm of each further lamp's power over the first one's; then per shadow how far its two columns stray from
     where lamp and wall put them, and the logarithm of its width over the predicted one. Limbs are for bright lines:
-    beside a shadow they could stand for it.
+    beside a shadow they could stand for it. Parameters come as stacks (n, parameters), for the numbers of one leak are
+    so few that calling numpy costs more than they do.
     """
 
     def __init__(
@@ -202,14 +208,13 @@ class _Problem:
         """
         if not self.limbs:
             return []
-        starts = []
-        for sides in itertools.product((-1.0, 0.0, 1.0), repeat=2):
-            start = self.start.copy()
-            off_px = np.array(sides) * START_RADII[-1] * self.expected.drop_px
-            start[:2] += np.clip(off_px, -0.9 * self.stray_px, 0.9 * self.stray_px)
-            start[2] = np.log(START_RADII[-1])
-            starts.append(start)
-        return sorted(starts, key=lambda start: float((self.residuals(start) ** 2).sum()))[:TRIED_GLINTS]
+        sides = np.array(list(itertools.product((-1.0, 0.0, 1.0), repeat=2)))
+        starts = np.tile(self.start, (len(sides), 1))
+        off_px = sides * START_RADII[-1] * self.expected.drop_px
+        starts[:, :2] += np.clip(off_px, -0.9 * self.stray_px, 0.9 * self.stray_px)
+        starts[:, 2] = np.log(START_RADII[-1])
+        costs = (self.residuals(starts) ** 2).sum(axis=1)
+        return list(starts[np.argsort(costs, kind="stable")[:TRIED_GLINTS]])
 
     def bounds(self) -> tuple[Array, Array]:
         """Least and greatest parameters: the drop stays where it was seen, radius and blur what they can be."""
@@ -219,44 +224,62 @@ class _Problem:
         return least, most
 
     def shapes(self, theta: Array, view: int) -> Array:
-        """Columns' light of unit glints, of a drop's limbs if they are asked for, and of unit shadows, (columns, n)."""
-        x, radius, blur_px = self.columns[view], np.exp(theta[2]), BLUR_PX * np.exp(theta[3])
-        light = self.expected.glint_light[:, view] * np.exp(np.append(0.0, theta[4 : self.first]))[:, None]
-        at = theta[view] + radius * self.expected.glints_px[:, view]
-        glints = gaussian(x[:, None], at.ravel(), blur_px) @ (light / light.sum()).ravel()
-        parts = [glints / glints.sum()]
-        parts += [limb(x, theta[view], radius * self.expected.drop_px[view], blur_px, side) for side in self.limbs]
+        """Light of unit glints, of a drop's limbs if they are asked for, and of unit shadows, (n, columns, shapes)."""
+        x, radius, blur_px = self.columns[view], np.exp(theta[:, 2]), BLUR_PX * np.exp(theta[:, 3])
+        powers = np.exp(np.concatenate([np.zeros((len(theta), 1)), theta[:, 4 : self.first]], axis=1))
+        light = (self.expected.glint_light[:, view] * powers[:, :, None]).reshape(len(theta), -1, 1)
+        at = theta[:, view, None] + radius[:, None] * self.expected.glints_px[:, view].ravel()
+        glints = (gaussian(x[:, None], at[:, None], blur_px[:, None, None]) @ light)[..., 0]
+        parts = [glints / glints.sum(axis=1, keepdims=True)]
+        drop_px = radius * self.expected.drop_px[view]
+        parts += [limb(x, theta[:, view], drop_px, blur_px, side) for side in self.limbs]
         if len(self.shadows):
-            shadows_px = self.shadows_px(theta)[:, view]
+            shadows_px = self.shadows_px(theta)[..., view]
             for k, lamp in enumerate(self.shadows):
                 half_px = np.hypot(self.expected.lamp_blur_px[lamp, view], radius * self.expected.core_px[lamp, view])
-                parts.append(blurred_chord(x, shadows_px[k], half_px * np.exp(theta[self.first + 3 * k + 2]), blur_px))
-        return np.stack(parts, axis=1)
+                half_px = half_px * np.exp(theta[:, self.first + 3 * k + 2])
+                parts.append(blurred_chord(x, shadows_px[:, k], half_px, blur_px))
+        return np.stack(parts, axis=2)
 
     def shadows_px(self, theta: Array) -> Array:
-        """Columns (shadows, 2) of the shadows."""
-        strays = theta[self.first :].reshape(-1, 3)[:, :2]
+        """Columns (n, shadows, 2) of the shadows."""
+        strays = theta[:, self.first :].reshape(len(theta), -1, 3)[..., :2]
         if self.dark_px is not None:
             return np.asarray(self.dark_px + strays)
-        place_m = self.level.places_of(theta[None, :2])[0]
-        told = np.full((self.lamps, 2), np.nan)
-        if np.isfinite(place_m).all():
-            told = predict_shadows(place_m, self.level, self.rig)
-        told = told[self.shadows]
-        return np.where(np.isnan(told), theta[:2], told) + strays  # at the wall a drop stands on its shadow
+        told = predict_shadows(self.level.places_of(theta[:, :2]), self.level, self.rig)[:, self.shadows]
+        return np.where(np.isnan(told), theta[:, None, :2], told) + strays  # at the wall a drop stands on its shadow
 
     def amplitudes(self, theta: Array, view: int) -> tuple[Array, Array]:
-        """Least-squares light of every shape, and what is left of the profile in standard deviations."""
-        A = self.shapes(theta, view) / self.sigmas[view]
+        """Least-squares light (n, shapes), and what is left of the profile in standard deviations (n, samples)."""
         limbs = len(self.limbs)
-        believed = np.eye(limbs, A.shape[1], k=1) / (LIMB_SHARE * self.light[view])  # limbs show little
-        A, data = np.vstack([A, believed]), np.append(self.data[view] / self.sigmas[view], np.zeros(limbs))
-        light = np.linalg.lstsq(A, data, rcond=1e-6)[0]
-        return light, data - A @ light
+        A = self.shapes(theta, view) / self.sigmas[view]
+        believed = np.eye(limbs, A.shape[2], k=1) / (LIMB_SHARE * self.light[view])  # limbs show little
+        A = np.concatenate([A, np.broadcast_to(believed, (len(theta), *believed.shape))], axis=1)
+        data = np.append(self.data[view] / self.sigmas[view], np.zeros(limbs))
+        light = _least_norm(A, data)
+        return light, data - (A @ light[..., None])[..., 0]
 
     def residuals(self, theta: Array) -> Array:
-        """Both views' rests, and how far every other parameter strays from what is believed of it."""
-        return np.concatenate([*(self.amplitudes(theta, view)[1] for view in range(2)), theta[2:] / self.spreads])
+        """Both views' rests, and how far every other parameter strays from what is believed of it, (n, samples)."""
+        rests = [self.amplitudes(theta, view)[1] for view in range(2)]
+        return np.concatenate([*rests, theta[:, 2:] / self.spreads], axis=1)
+
+    def slopes(self, theta: Array) -> Array:
+        """Change of the residuals with every parameter at theta (parameters,), (samples, parameters)."""
+        steps = np.where(theta + STEP > self.bounds()[1], -STEP, STEP)
+        at = self.residuals(np.vstack([theta, theta + np.diag(steps)]))
+        return np.asarray((at[1:] - at[0]).T / steps)
+
+
+def _least_norm(A: Array, data: Array) -> Array:
+    """Least-squares solutions (n, shapes) of A (n, samples, shapes) for data (samples,), of least norm.
+
+    By eigenvectors of the normal equations: shapes on one another, a few parts in 10^6 apart, count as one.
+    """
+    values, vectors = np.linalg.eigh(A.transpose(0, 2, 1) @ A)
+    along = ((data @ A)[:, None] @ vectors)[:, 0]
+    kept = np.where(values > SAME_SHAPE**2 * values[:, -1:], values, np.inf)
+    return np.asarray((vectors @ (along / kept)[..., None])[..., 0])
 
 
 def fit_line(
@@ -277,9 +300,12 @@ def fit_bright_line(profiles: Sequence[Profile], start_px: Array, stage: tuple[L
 def _least_squares(problem: _Problem, profiles: Sequence[Profile]) -> LineFit:
     bounds = problem.bounds()
 
+    def residuals(theta: Array) -> Array:
+        return problem.residuals(theta[None])[0]
+
     def fitted(starts: Sequence[Array]) -> list[OptimizeResult]:
         return [
-            least_squares(problem.residuals, start, bounds=bounds, max_nfev=20, ftol=1e-4, xtol=1e-4, gtol=1e-4)
+            least_squares(residuals, start, problem.slopes, bounds, max_nfev=20, ftol=1e-4, xtol=1e-4, gtol=1e-4)
             for start in starts
         ]
 
@@ -288,7 +314,8 @@ def _least_squares(problem: _Problem, profiles: Sequence[Profile]) -> LineFit:
     if all(2.0 * one.cost > BAD_CHI2 * samples for one in fits):
         fits += fitted(problem.starts_of_glints())
     found = min(fits, key=lambda one: float(one.cost))
-    light, rest = zip(*(problem.amplitudes(found.x, view) for view in range(2)), strict=True)
+    solved = [problem.amplitudes(found.x[None], view) for view in range(2)]
+    light, rest = [one[0][0] for one in solved], [one[1][0] for one in solved]
     chi2 = float((np.concatenate(rest) ** 2).mean())
     covariance = np.linalg.pinv(found.jac.T @ found.jac)[:2, :2] * max(LEAST_CHI2 if problem.limbs else 1.0, chi2)
     peak = float(gaussian(np.zeros(1), 0.0, BLUR_PX * np.sqrt(2))[0]) ** 0.5  # norm of a unit glint

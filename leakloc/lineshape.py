@@ -14,25 +14,31 @@ PEAK = 1 / (np.sqrt(2 * np.pi) * BLUR_PX)  # of a point's image of unit light
 LIMB_FROM = 0.4  # of a drop's radius: nearer the middle its glints outshine it
 
 
-def gaussian(columns_px: Array, centre_px: float | Array, sigma_px: float) -> Array:
+def gaussian(columns_px: Array, centre_px: float | Array, sigma_px: float | Array) -> Array:
     """A point's image, of unit sum."""
     return np.asarray(np.exp(-0.5 * ((columns_px - centre_px) / sigma_px) ** 2) / (np.sqrt(2 * np.pi) * sigma_px))
 
 
-def blurred_chord(columns_px: Array, centre_px: float, radius_px: float, blur_px: float = BLUR_PX) -> Array:
-    """A disc swept along the column and blurred, of unit sum: sqrt(1 - u^2) by Gauss-Chebyshev nodes."""
-    places = centre_px + radius_px * CHORD_PLACES
-    sigma = np.hypot(blur_px, 1.2 * radius_px / CHORD_NODES)  # bridges the nodes of a very wide shadow
-    return np.asarray(
-        np.exp(-0.5 * ((columns_px[:, None] - places) / sigma) ** 2) @ CHORD_WEIGHTS / (np.sqrt(2 * np.pi) * sigma)
-    )
+def blurred_chord(columns_px: Array, centre_px: Array, radius_px: Array, blur_px: float | Array = BLUR_PX) -> Array:
+    """Discs (n,) swept along the column and blurred, each of unit sum, (n, columns).
 
-
-def limb(columns_px: Array, centre_px: float, radius_px: float, blur_px: float, side: float) -> Array:
-    """One limb of a drop's disc swept along the column and blurred, of unit sum; side -1 (left) or 1 (right).
-
-    Besides the lamp's images a drop shows the walls, bent: one limb those beside the lamp, the other the dark ones.
+    sqrt(1 - u^2) by Gauss-Chebyshev nodes.
     """
-    outer = side * CHORD_PLACES > LIMB_FROM
-    places, weights = centre_px + radius_px * CHORD_PLACES[outer], CHORD_WEIGHTS[outer]
-    return np.asarray(gaussian(columns_px[:, None], places, blur_px) @ (weights / weights.sum()))
+    sigma_px = np.hypot(blur_px, 1.2 * radius_px / CHORD_NODES)  # bridges the nodes of a very wide shadow
+    return _swept(columns_px, centre_px, radius_px, sigma_px, slice(None))
+
+
+def limb(columns_px: Array, centre_px: Array, radius_px: Array, blur_px: Array, side: float) -> Array:
+    """One limb of drops' discs (n,) swept along the column and blurred, each of unit sum, (n, columns).
+
+    `side`: -1 (left) or 1 (right). Besides the lamp's images a drop shows the walls, bent: one limb those beside the
+    lamp, the other the dark ones.
+    """
+    return _swept(columns_px, centre_px, radius_px, blur_px, side * CHORD_PLACES > LIMB_FROM)
+
+
+def _swept(columns_px: Array, centre_px: Array, radius_px: Array, sigma_px: Array, nodes: Array | slice) -> Array:
+    places_px = np.asarray(centre_px)[..., None] + np.asarray(radius_px)[..., None] * CHORD_PLACES[nodes]
+    weights = CHORD_WEIGHTS[nodes] / CHORD_WEIGHTS[nodes].sum()
+    sigmas_px = np.asarray(sigma_px)[..., None, None]
+    return np.asarray(gaussian(columns_px[:, None], places_px[..., None, :], sigmas_px) @ weights)

@@ -93,7 +93,7 @@ def _shifted_chi2(profile: Profile, shadow_px: float, offset_px: float, widths: 
     x, data = columns.astype(np.float64), profile.values[columns]
     sigma = float(np.hypot(profile.sigma, MODEL_ERROR * np.abs(data).max()))
     centres = shadow_px + SHIFTS_PX
-    dark = np.stack([blurred_chord(x, centre, half_px) for centre in centres])
+    dark = blurred_chord(x, centres, half_px)
     drop = np.stack([gaussian(x, centre + offset_px, spread_px) for centre in centres])
     dd, gg, dg = ((one * other).sum(axis=1) for one, other in ((dark, dark), (drop, drop), (dark, drop)))
     bd, bg = dark @ data, drop @ data
