@@ -101,15 +101,20 @@ def own_shadow(
 
     Evaluated where the segment to the lamp passes the drop by less than both radii; elsewhere 0.
     """
-    points_m = surface.points_m.T
-    to_lamp = lamp_m.astype(np.float32) - points_m
-    to_drop = drops_m.astype(np.float32) - points_m
-    along = np.einsum("nk,nk->n", to_drop, to_lamp) / np.einsum("nk,nk->n", to_lamp, to_lamp)
-    miss = np.einsum("nk,nk->n", to_drop, to_drop) - along**2 * np.einsum("nk,nk->n", to_lamp, to_lamp)
+    points_m = surface.points_m
+    to_lamp = lamp_m.astype(np.float32)[:, None] - points_m
+    to_drop = drops_m.T.astype(np.float32) - points_m
+    lamp_squared, across, drop_squared = (
+        np.einsum("kn,kn->n", one, other)
+        for one, other in ((to_lamp, to_lamp), (to_drop, to_lamp), (to_drop, to_drop))
+    )
+    along = across / lamp_squared
+    miss = drop_squared - along * across
     near = np.flatnonzero((miss < (lamp_radius_m * along + drop_radius_m) ** 2) & (along > 0) & (along < 1))
-    share = np.zeros(len(points_m), np.float32)
+    share = np.zeros(points_m.shape[1], np.float32)
     if near.size:
-        share[near] = blocked_share(points_m[near].astype(float), lamp_m, lamp_radius_m, drops_m[near], drop_radius_m)
+        seen_m = points_m[:, near].T.astype(float)
+        share[near] = blocked_share(seen_m, lamp_m, lamp_radius_m, drops_m[near], drop_radius_m)
     return share
 
 

@@ -2,7 +2,7 @@
 
 A pixel's static radiance is taken at its centre, shadows and drops by a grid of rays over the pixel's square, each drop
 ray through the sphere on its own way; only the lamps' images in a drop, a hundredth of a pixel wide, are placed in
-closed form, at every moment anew. Nothing is cached, interpolated, tabulated or swept.
+closed form, at every moment anew. Nothing that moves is kept, interpolated, tabulated or swept.
 """
 
 import numpy as np
@@ -24,13 +24,17 @@ class BruteForce:
         self.scene, self.camera, self.recording = scene, camera, recording
         self.moments, self.across = moments, across
         self.lit = light_scene(scene)
-        self.places = [self._surface(right, below) for right in SHADOW_PLACES for below in SHADOW_PLACES]
+        self.view = cast_view(self.lit, camera)
+        self.places = self._places()
         self.landings = [landing_m(self.lit, leak) for leak in scene.leaks]
 
-    def _surface(self, right_px, below_px):
-        """What the pixels see beside their centres."""
-        columns, rows = np.arange(self.camera.width_px) + right_px, np.arange(self.camera.height_px) + below_px
-        rays = self.camera.rays(np.stack(np.meshgrid(columns, rows), axis=-1)).reshape(-1, 3).T.astype(np.float32)
+    def _places(self):
+        """What the pixels see at SHADOW_PLACES beside their centres, one place of all pixels after the other."""
+        rows, columns, below, right = np.ix_(
+            *(np.arange(side) for side in (self.camera.height_px, self.camera.width_px)), SHADOW_PLACES, SHADOW_PLACES
+        )
+        pixels = np.stack(np.broadcast_arrays(columns + right, rows + below), axis=-1)
+        rays = self.camera.rays(pixels.transpose(2, 3, 0, 1, 4)).reshape(-1, 3).T.astype(np.float32)
         return self.lit.look(self.camera.centre_world_m.astype(np.float32)[:, None], rays)
 
     def frame(self, index):
@@ -45,15 +49,14 @@ class BruteForce:
 
     def moment(self, time_s):
         """Radiance (height, width) at one moment, without the glints."""
-        view = cast_view(self.lit, self.camera)
+        view = self.view
         radiance = view.radiance.astype(float).ravel()
         drops = list(self.falling(time_s))
         for centre_m, radius_m in drops if self.scene.drop_shadows else ():
             for source, light in zip(self.lit.sources, view.by_source, strict=True):
-                for surface in self.places:
-                    drops_m = np.repeat(centre_m[None], surface.kind.size, axis=0)
-                    share = own_shadow(surface, np.array(source.position_m), source.radius_m, drops_m, radius_m)
-                    radiance -= light * share / len(self.places)
+                drops_m = np.broadcast_to(centre_m, (self.places.kind.size, 3))
+                share = own_shadow(self.places, np.array(source.position_m), source.radius_m, drops_m, radius_m)
+                radiance -= light * share.reshape(-1, light.size).mean(axis=0)
         image = radiance.reshape(view.radiance.shape)
         for centre_m, radius_m in drops:
             self._place(image, view, centre_m, radius_m)
@@ -108,7 +111,7 @@ class BruteForce:
     def _static(self, surface: Surface, centre_m, radius_m):
         by_source = self.lit.source_radiance(surface, 1)
         radiance = by_source[: len(self.lit.lamps)].sum(axis=0) + self.lit.bounced_radiance(surface)
-        drops_m = np.repeat(centre_m[None], surface.kind.size, axis=0)
+        drops_m = np.broadcast_to(centre_m, (surface.kind.size, 3))
         for source, light in zip(self.lit.sources, by_source, strict=True):
             radiance -= light * own_shadow(surface, np.array(source.position_m), source.radius_m, drops_m, radius_m)
         return radiance
@@ -126,7 +129,6 @@ class BruteForce:
     def _glints(self, index):
         """Mean radiance (height, width) that the lamps' images add, at 32 times as many moments."""
         image = np.zeros((self.camera.height_px, self.camera.width_px))
-        view = cast_view(self.lit, self.camera)
         count = 32 * self.moments
         times = self.recording.opens_s(index) + (np.arange(count) + 0.5) / count * self.recording.exposure_s
         for leak, landing in zip(self.scene.leaks, self.landings, strict=True):
@@ -146,6 +148,6 @@ class BruteForce:
                 j, i = np.rint(column).astype(int), np.rint(row).astype(int)
                 inside = (j >= 0) & (j < self.camera.width_px) & (i >= 0) & (i < self.camera.height_px)
                 i, j = np.where(inside, i, 0), np.where(inside, j, 0)
-                inside &= path.range_m[:, None] < view.range_m[i, j] + radius_m
+                inside &= path.range_m[:, None] < self.view.range_m[i, j] + radius_m
                 np.add.at(image, (i, j), np.where(inside, glints.strength * square_px[:, None], 0) / count)
         return image
