@@ -177,8 +177,9 @@ def test_the_predicted_spread_of_the_column_aggregate_is_that_of_monte_carlo(dos
     assert_column_sd(dose, 24, predicted_sd(dose, 24))
 
 
-def test_the_prediction_holds_for_few_frames():
-    assert_column_sd(10.0, 5, predicted_sd(10.0, 5))
+@pytest.mark.parametrize(("dose", "n_frames"), [(10.0, 5), (0.0, 13), (10.0, 13), (10.0, 40)])
+def test_the_prediction_holds_for_few_frames_and_for_more_than_are_drawn(dose, n_frames):
+    assert_column_sd(dose, n_frames, predicted_sd(dose, n_frames))
 
 
 def test_the_spread_law_catches_a_missing_half_of_the_tracks():

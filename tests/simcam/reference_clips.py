@@ -15,7 +15,7 @@ VIEWS = ("left", "right")
 BOUNCES = 2  # as the clips were made
 TEXTURE_SHAPE = (1024, 2048)
 WHITE = 250  # grey of a pixel in which a path met the lamp
-ROUNDINGS = 8  # draws of the thresholds in `encoded`; the median column of 20 streaks hangs by 0.3 px on a single one
+ROUNDINGS = 8  # draws of the thresholds in `rounded`; the median column of 20 streaks hangs by 0.3 px on a single one
 BLACK = 0.02  # reflectance that a wall hidden from both cameras at least has
 
 
@@ -33,15 +33,18 @@ def linear(grey):
     return curve[grey] if grey.dtype == np.uint8 else np.interp(grey, np.arange(256), curve)
 
 
-def encoded(light, draw=0):
-    """8-bit sRGB of light (..., height, width); every pixel is rounded at its own threshold, the same in all frames.
+def encoded(light):
+    """sRGB grey 0..255, not rounded, of light (..., height, width)."""
+    light = np.clip(light, 0, 1)
+    return 255 * np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+
+
+def rounded(grey, draw=0):
+    """8-bit grey; every pixel is rounded at its own threshold, the same in all frames.
 
     The texture is taken from an 8-bit picture, so without that all pixels would sit in the middle of a step.
     """
-    light = np.clip(light, 0, 1)
-    curve = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
-    threshold = np.random.default_rng(draw).random(light.shape[-2:])
-    return np.floor(255 * curve + threshold).astype(np.uint8)
+    return np.floor(grey + np.random.default_rng(draw).random(grey.shape[-2:])).astype(np.uint8)
 
 
 def described(scene, texture):
@@ -231,9 +234,9 @@ def compared(name, render, hidden=1.0):
 
 def _mean_measures(light, windows):
     """Measures of rendered light, the column as the mean over draws of the rounding, the rest from the first."""
-    draws = []
+    grey, draws = encoded(light), []
     for draw in range(ROUNDINGS):
-        rendered = encoded(light, draw)
+        rendered = rounded(grey, draw)
         still = np.median(rendered, axis=0)
         draws.append([measured(rendered, still, one) for one in windows])
     columns = np.nanmean([[one.column_px for one in draw] for draw in draws], axis=0)
