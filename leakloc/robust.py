@@ -20,7 +20,7 @@ from leakloc.fall import fall_paths
 from leakloc.gravity import free_fall
 from leakloc.levelled import VIEWS, LevelPair, level_pair, levelled_frames
 from leakloc.levelling import Tilt, fit_tilt, no_tilt, search_tilt, track_slopes
-from leakloc.linefit import DROP_RADIUS_M
+from leakloc.prediction import DROP_RADIUS_M
 from leakloc.rig import Array, Rig
 from leakloc.streaks import Streaks, streaks
 from leakloc.tilt import leaning_columns, level_under, tilted_rig, upright

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from leakloc.levelled import LevelPair
-from leakloc.linefit import LineFit, predict
+from leakloc.linefit import LineFit
+from leakloc.prediction import predict
 from leakloc.rig import Array, Rig
 from leakloc.tracks import Track
 

@@ -44,9 +44,9 @@ def expected_column_sd(  # noqa: PLR0913 - background, physics and the size of t
 
     `background_e`: expected photo-electrons of a column, a number or (n_rows,), or an image (n_rows, n_columns) for
     one value per column. The variance of a pixel's share is that of this package's own noise on a flat tile (each
-    level of light and dose takes 0.1 s once); the variances of rows add, for a track is short beside a column. Noise
-    that all columns share (of rows) is left out: it lifts them together. ValueError for a background that is negative
-    or not finite, or counts below 1.
+    level of light and dose takes 0.1 s once), to some 5 % of the deviation; the variances of rows add, for a track is
+    short beside a column. Noise that all columns share (of rows) is left out: it lifts them together. ValueError for a
+    background that is negative or not finite, or counts below 1.
     """
     background = np.asarray(background_e, dtype=float)
     if not (np.all(background >= 0) and np.all(np.isfinite(background))):

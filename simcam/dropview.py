@@ -105,8 +105,7 @@ def own_shadow(
     to_lamp = lamp_m.astype(np.float32)[:, None] - points_m
     to_drop = drops_m.T.astype(np.float32) - points_m
     lamp_squared, across, drop_squared = (
-        np.einsum("kn,kn->n", one, other)
-        for one, other in ((to_lamp, to_lamp), (to_drop, to_lamp), (to_drop, to_drop))
+        np.einsum("kn,kn->n", one, other) for one, other in ((to_lamp, to_lamp), (to_drop, to_lamp), (to_drop, to_drop))
     )
     along = across / lamp_squared
     miss = drop_squared - along * across

@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 from scipy.stats import binom
 
 from leakloc.levelled import level_pair
-from leakloc.linefit import DROP_RADIUS_M, RADIUS_FACTORS, RADIUS_SPREAD, Profile, fit_bright_line, fit_line, predict
+from leakloc.linefit import RADIUS_FACTORS, RADIUS_SPREAD, Profile, fit_bright_line, fit_line
 from leakloc.lineshape import BLUR_PX, gaussian, limb
+from leakloc.prediction import DROP_RADIUS_M, predict
 from leakloc.rig import Rig
 
 LAMP = np.array([[-2.3, 0.8, 0.4, 0.1]])
