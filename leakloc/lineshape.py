@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from leakloc.rig import Array
 
@@ -19,7 +20,9 @@ def gaussian(columns_px: Array, centre_px: float | Array, sigma_px: float | Arra
     return np.asarray(np.exp(-0.5 * ((columns_px - centre_px) / sigma_px) ** 2) / (np.sqrt(2 * np.pi) * sigma_px))
 
 
-def blurred_chord(columns_px: Array, centre_px: Array, radius_px: Array, blur_px: float | Array = BLUR_PX) -> Array:
+def blurred_chord(
+    columns_px: Array, centre_px: float | Array, radius_px: float | Array, blur_px: float | Array = BLUR_PX
+) -> Array:
     """Discs (n,) swept along the column and blurred, each of unit sum, (n, columns).
 
     sqrt(1 - u^2) by Gauss-Chebyshev nodes.
@@ -28,7 +31,9 @@ def blurred_chord(columns_px: Array, centre_px: Array, radius_px: Array, blur_px
     return _swept(columns_px, centre_px, radius_px, sigma_px, slice(None))
 
 
-def limb(columns_px: Array, centre_px: Array, radius_px: Array, blur_px: Array, side: float) -> Array:
+def limb(
+    columns_px: Array, centre_px: float | Array, radius_px: float | Array, blur_px: float | Array, side: float
+) -> Array:
     """One limb of drops' discs (n,) swept along the column and blurred, each of unit sum, (n, columns).
 
     `side`: -1 (left) or 1 (right). Besides the lamp's images a drop shows the walls, bent: one limb those beside the
@@ -37,7 +42,13 @@ def limb(columns_px: Array, centre_px: Array, radius_px: Array, blur_px: Array, 
     return _swept(columns_px, centre_px, radius_px, blur_px, side * CHORD_PLACES > LIMB_FROM)
 
 
-def _swept(columns_px: Array, centre_px: Array, radius_px: Array, sigma_px: Array, nodes: Array | slice) -> Array:
+def _swept(
+    columns_px: Array,
+    centre_px: float | Array,
+    radius_px: float | Array,
+    sigma_px: float | Array,
+    nodes: NDArray[np.bool_] | slice,
+) -> Array:
     places_px = np.asarray(centre_px)[..., None] + np.asarray(radius_px)[..., None] * CHORD_PLACES[nodes]
     weights = CHORD_WEIGHTS[nodes] / CHORD_WEIGHTS[nodes].sum()
     sigmas_px = np.asarray(sigma_px)[..., None, None]

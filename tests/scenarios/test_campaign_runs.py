@@ -96,13 +96,13 @@ def outcomes_by_frames(store):
 
 def test_scenes_that_kill_or_hang_their_workers_are_set_aside_and_the_others_are_done(tmp_path):
     path, store = small_campaign(tmp_path, repeats=1, doses="[0.0]"), tmp_path / "results.db"
-    path.write_text(path.read_text().replace("scene_limit_s = 30.0", "scene_limit_s = 8.0"))
+    path.write_text(path.read_text().replace("scene_limit_s = 30.0", "scene_limit_s = 5.0"))
     bad = EstimatorSpec("callable", "foreign_estimators:kills_its_caller_or_hangs")  # with 5 frames, or with 6
     assert len(run(path, store, foreign=[bad])) == 3
     assert outcomes_by_frames(store) == {(4, "ok"): 3, (5, "crash"): 3, (6, "timeout"): 3}
     assert {(run.outcome, run.detail) for run in read_store(store).runs if run.outcome != "ok"} == {
         ("crash", "its worker process died twice"),
-        ("timeout", "no result within 8 s"),
+        ("timeout", "no result within 5 s"),
     }
     assert run(path, store, foreign=[bad]) == []  # set aside: not tried again
 
