@@ -43,7 +43,8 @@ def in_words(run: Run) -> str:
     if run.outcome != OK:
         return f"{run.outcome}: {run.detail}"
     missed = run.of["observable"] - run.found["observable"]
-    parts = [f"{missed} of {run.of['observable']} observable leaks missed, {len(run.false_codes)} false"]
+    counts = f"{missed} of {run.of['observable']} observable leaks missed, {len(run.false_codes)} false"
+    parts = ["right, and yet the farthest off of all" if run.is_right else counts]
     largest_m = {
         "by the gate": max(run.errors_m, default=math.nan),
         "by the paper's rule": max(filter(None, map(run.paper_error_m, run.leaks)), default=math.nan),

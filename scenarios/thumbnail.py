@@ -16,11 +16,15 @@ from scenarios.simulate import SimulatedClip
 COARSE_PX = (150, 50)
 """Columns and rows of the residual that is shown."""
 
+BELOW, ABOVE = (0.0, 0.16), (0.84, 1.0)
+"""Shares of the height where what is true and what was found are marked: on one another either would hide the other."""
+
 
 def thumbnail_png(clip: SimulatedClip, estimate: Estimate | None) -> bytes:
     """Return a PNG of 480 x 200 px: mean residual of the left view with true and estimated columns; top view.
 
-    True leaks green, shadows grey and dotted, estimates red; leaks that nobody could find are hollow.
+    True leaks green and shadows grey at the lower edge, estimates red at the upper one; leaks that nobody could find
+    are hollow.
     """
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(4.8, 2.0), dpi=100, facecolor="white")
@@ -32,11 +36,11 @@ def thumbnail_png(clip: SimulatedClip, estimate: Estimate | None) -> bytes:
         extent = (-0.5, width - 0.5, height - 0.5, -0.5)
         seen.imshow(coarse, cmap="gray", vmin=0.0, vmax=bright, aspect="auto", extent=extent, interpolation="nearest")
         for leak in clip.truth.leaks:
-            _column(seen, leak.left_column_px, TRUTH_COLOUR, "-")
+            _column(seen, leak.left_column_px, TRUTH_COLOUR, BELOW)
             for shadow_px in leak.shadow_columns_px.left:
-                _column(seen, shadow_px, QUIET_COLOUR, ":")
+                _column(seen, shadow_px, QUIET_COLOUR, BELOW, ":")
         for told in estimate.leaks if estimate else ():
-            _column(seen, told.left_column_px, ESTIMATE_COLOUR, "--")
+            _column(seen, told.left_column_px, ESTIMATE_COLOUR, ABOVE)
         seen.set_xlim(-0.5, width - 0.5)
         seen.axis("off")
         _draw_map(figure.add_axes((0.64, 0.0, 0.36, 1.0), aspect="equal"), clip, estimate)
@@ -45,9 +49,11 @@ def thumbnail_png(clip: SimulatedClip, estimate: Estimate | None) -> bytes:
         return picture.getvalue()
 
 
-def _column(axes: mpl.axes.Axes, column_px: float | None, colour: str, line: str) -> None:
+def _column(
+    axes: mpl.axes.Axes, column_px: float | None, colour: str, edge: tuple[float, float], line: str = "-"
+) -> None:
     if column_px is not None and np.isfinite(column_px):
-        axes.axvline(column_px, ymax=0.16, color=colour, linestyle=line, linewidth=2.0)
+        axes.axvline(column_px, *edge, color=colour, linestyle=line, linewidth=2.0)
 
 
 def _draw_map(axes: mpl.axes.Axes, clip: SimulatedClip, estimate: Estimate | None) -> None:

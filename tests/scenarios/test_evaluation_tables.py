@@ -13,7 +13,7 @@ from scenarios.evaluation_bars import bars_of
 from scenarios.evaluation_report import Findings, report_html
 from scenarios.evaluation_tables import RULES, as_data, experiment_rows, flattened, tables_csv, tally
 from scenarios.evaluation_why import cures, differences, means_of_sets_m
-from scenarios.evaluation_worst import worst_scenes
+from scenarios.evaluation_worst import in_words, worst_scenes
 from scenarios.published import LEVELS_GY_H, PUBLISHED, published
 from scenarios.scene_work import LeakOutcome
 from scenarios.statistics import clopper_pearson, mean_interval
@@ -188,6 +188,11 @@ def test_the_worst_scene_is_pictured_at_the_strongest_noise_with_the_method_that
         assert one.png == (scene.scenario, one.method)
         assert one.replay.endswith(f"--seed {scene.number} --method {one.method}")
         assert one.words.startswith("1 of 2 observable leaks missed")
+
+
+def test_a_scene_that_is_right_is_not_told_as_a_failure():
+    assert in_words(OTHER).startswith("right, ")
+    assert in_words(ONE).startswith("1 of 2 observable leaks missed, 2 false; ")
 
 
 class Runs:
