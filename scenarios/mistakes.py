@@ -192,7 +192,7 @@ def _leave_out(data: Any, location: Sequence[int | str], faultless_rows: Mapping
         if isinstance(here, dict):
             here.pop(location[-1], None)
         elif isinstance(here, list):
-            here[int(location[-1])] = faultless_rows.get(str(location[0]))
+            here[int(location[-1])] = _copied(faultless_rows.get(str(location[0])))  # what follows may leave out of it
     except (KeyError, IndexError, TypeError):
         return
 

@@ -105,6 +105,21 @@ def test_a_mistake_does_not_hide_those_beside_it(tmp_path, text, keys):
     assert sorted(blamed) == keys
 
 
+def test_mistakes_of_one_file_leave_no_trace_in_what_is_said_of_the_next(tmp_path):
+    path = tmp_path / "bad.toml"
+
+    def said(text):
+        path.write_text(text)
+        with pytest.raises(ScenarioError) as caught:
+            read_scenario(path)
+        return str(caught.value)
+
+    plain = f"[[leak]]\nx_m = 1.0\n{FAR_LEAK}"
+    before = said(plain)
+    said('[[leak]]\ny_m = "far"\nfoo = 1\n')  # x_m is missing and two more keys are bad, in one row
+    assert said(plain) == before
+
+
 def test_mistakes_of_overrides_come_with_those_of_the_file():
     with pytest.raises(ScenarioError) as caught:
         read_scenario("separated", ["foo", "rig.width_px=3", "gamma.dose_rate_gy_h=1\nx = 3"])
