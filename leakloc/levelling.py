@@ -23,6 +23,7 @@ REACH_DEG = 5  # tilts that are looked for
 COARSE_PX = 7  # what a degree moves a line over half the image's height
 FINE_STEPS_RAD = np.radians([0.5, 0.25, 0.125])
 MOST_STEPS = 5
+AROUND = np.array([(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)])
 SEARCH_GAIN = 1.05  # sharpness over the believed pose's that a coarse tilt must bring
 PRIOR_RAD = np.radians(2.0)  # of roll and of pitch, before anything is seen
 WINDOW_PX = 8
@@ -89,17 +90,18 @@ def search_tilt(views: Sequence[Streaks], level: LevelPair) -> Array:
     rows_px = views[0].rows_px
     degrees = np.arange(-REACH_DEG, REACH_DEG + 1)
     blurred = [cv2.blur(energy, (COARSE_PX, 1)).astype(np.float32, copy=False) for energy in maps]
-    grid = [np.radians([roll, pitch]) for roll in degrees for pitch in degrees]
-    best = max(grid, key=lambda tilt: sharpness(blurred, rows_px, level, tilt, COARSE_PX))
-    top = sharpness(maps, rows_px, level, best)
+    grid = np.radians(np.stack(np.meshgrid(degrees, degrees, indexing="ij"), axis=-1))  # rolls, pitches, 2
+    coarse = np.concatenate([sharpness(blurred, rows_px, level, tilts, COARSE_PX) for tilts in grid])
+    best = grid.reshape(-1, 2)[int(coarse.argmax())]
+    believed, top = sharpness(maps, rows_px, level, np.stack([np.zeros(2), best]))
     for step in FINE_STEPS_RAD:
         for _ in range(MOST_STEPS):
-            cross = [best + step * np.array([i, j]) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)]
-            values = [sharpness(maps, rows_px, level, tilt) for tilt in cross]
-            if max(values) <= top:
+            cross = best + step * AROUND
+            values = sharpness(maps, rows_px, level, cross)
+            if values.max() <= top:
                 break
-            top, best = max(values), cross[int(np.argmax(values))]
-    return best if top > SEARCH_GAIN * sharpness(maps, rows_px, level, np.zeros(2)) else np.zeros(2)
+            top, best = values.max(), cross[int(values.argmax())]
+    return best if top > SEARCH_GAIN * believed else np.zeros(2)
 
 
 def _energy(activity: Activity) -> NDArray[np.float32]:
@@ -110,16 +112,17 @@ def _energy(activity: Activity) -> NDArray[np.float32]:
 
 
 def sharpness(
-    maps: Sequence[NDArray[np.float32]], rows_px: Array, level: LevelPair, tilt_rad: Array, every_px: int = 1
-) -> float:
-    """Sum over both views' columns (every so many) of the squared energy that a tilt gathers in each."""
-    total = 0.0
+    maps: Sequence[NDArray[np.float32]], rows_px: Array, level: LevelPair, tilts_rad: Array, every_px: int = 1
+) -> Array:
+    """Of tilts (n, 2): sum (n,) over both views' columns (every so many) of the squared energy gathered in each."""
+    total = np.zeros(len(tilts_rad))
     for view, energy in enumerate(maps):
         columns = np.arange(0, energy.shape[1], every_px, dtype=np.float64)
-        x = leaning_columns(level, tilt_rad, view, rows_px, columns).astype(np.float32)
-        y = np.broadcast_to(np.arange(len(rows_px), dtype=np.float32)[:, None], x.shape).copy()
-        gathered = cv2.remap(energy, x, y, cv2.INTER_LINEAR).sum(axis=0, dtype=np.float64)
-        total += float((gathered**2).sum())
+        x = leaning_columns(level, tilts_rad, view, rows_px, columns).astype(np.float32)
+        y = np.broadcast_to(np.arange(len(rows_px), dtype=np.float32)[:, None], x.shape)
+        read = cv2.remap(energy, x.reshape(-1, len(columns)), y.reshape(-1, len(columns)), cv2.INTER_LINEAR)
+        gathered = read.reshape(x.shape).sum(axis=1, dtype=np.float64)
+        total += (gathered**2).sum(axis=1)
     return total
 
 

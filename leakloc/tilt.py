@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import cv2
@@ -27,21 +26,25 @@ def tilted_rig(rig: Rig, level: LevelPair, tilt_rad: Array) -> Rig:
 
 
 def leaning_columns(believed: LevelPair, tilt_rad: Array, view: int, rows_px: Array, columns_px: Array) -> Array:
-    """Columns of the believed-level view where plumb lines cross its rows, (rows, columns) px.
+    """Columns of the believed-level view where plumb lines cross its rows, (..., rows, columns) px.
 
     `columns_px` are the lines' columns in the truly level view of the same camera (same focal length and principal
-    point); tilt_rad (2,) roll and pitch. Every point of a plumb line lies in one vertical plane with the camera; the
-    plane's ray that is seen on the wanted row follows from one linear equation.
+    point); tilt_rad (..., 2) rolls and pitches. Every point of a plumb line lies in one vertical plane with the camera,
+    which the view cuts in a straight line: with the horizon's ray (across, below, ahead) and the plumb line's direction
+    (right, down, forward), x = (across down - below right + y (ahead right - across forward)) / (ahead down - below
+    forward).
     """
     turn = _turn(believed, tilt_rad)
-    believed_from_true = believed.axes @ turn.T @ _level_axes(believed, turn).T
+    believed_from_true = believed.axes @ np.swapaxes(_level_axes(believed, turn) @ turn, -1, -2)
     principal = believed.principal_px[view]
     x = (np.asarray(columns_px) - principal[0]) / believed.focal_px
     y = (np.asarray(rows_px)[:, None] - principal[1]) / believed.focal_px
-    start = believed_from_true @ np.stack([x, np.zeros_like(x), np.ones_like(x)])  # ray on the horizon
-    down = believed_from_true[:, 1]
-    step = (y * start[2] - start[1]) / (down[1] - y * down[2])
-    return np.asarray(principal[0] + believed.focal_px * (start[0] + step * down[0]) / (start[2] + step * down[2]))
+    horizon = believed_from_true @ np.stack([x, np.zeros_like(x), np.ones_like(x)])
+    across, below, ahead = (horizon[..., i, None, :] for i in range(3))
+    right, down, forward = (believed_from_true[..., i, 1, None, None] for i in range(3))
+    focal_over = believed.focal_px / (ahead * down - below * forward)
+    middle_px = principal[0] + focal_over * (across * down - below * right)
+    return np.asarray(middle_px + y * (focal_over * (ahead * right - across * forward)))
 
 
 def upright(activity: Activity, columns_px: Array) -> Activity:
@@ -63,17 +66,18 @@ def level_under(rig: Rig, believed: LevelPair, tilt_rad: Array) -> LevelPair:
 
 
 def _level_axes(believed: LevelPair, turn: Array) -> Array:
-    """Axes of the level pair once the rig has turned: its right follows the baseline's horizontal part."""
-    x, y, _ = turn @ believed.axes[0]
-    level = np.hypot(x, y)
-    x, y, down = x / level, y / level, believed.axes[1, 2]  # down is along z
-    return np.array([[x, y, 0.0], [0.0, 0.0, down], [y * down, -x * down, 0.0]])
+    """Axes (..., 3, 3) of the level pair once the rig has turned: its right follows the baseline's horizontal part."""
+    right = turn @ believed.axes[0]
+    level = np.hypot(right[..., 0], right[..., 1])
+    x, y, zero, down = right[..., 0] / level, right[..., 1] / level, np.zeros_like(level), believed.axes[1, 2]
+    rows = [[x, y, zero], [zero, zero, zero + down], [y * down, -x * down, zero]]  # down is along z
+    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
 
 
 def _turn(level: LevelPair, tilt_rad: Array) -> Array:
-    """Ry(pitch) Rx(roll) about the axes forward, left, up of the level pair, (3, 3) in the frame of the results."""
-    roll, pitch = tilt_rad
+    """Ry(pitch) Rx(roll) about the axes forward, left, up of the level pair, (..., 3, 3), in the results' frame."""
+    roll, pitch = np.moveaxis(np.asarray(tilt_rad, dtype=np.float64), -1, 0)
     forward_left_up = np.stack([level.axes[2], -level.axes[0], -level.axes[1]], axis=1)
-    (sr, cr), (sp, cp) = (math.sin(roll), math.cos(roll)), (math.sin(pitch), math.cos(pitch))
-    Ry_Rx = np.array([[cp, sp * sr, sp * cr], [0.0, cr, -sr], [-sp, cp * sr, cp * cr]])
-    return np.asarray(forward_left_up @ Ry_Rx @ forward_left_up.T)
+    sr, cr, sp, cp, zero = np.sin(roll), np.cos(roll), np.sin(pitch), np.cos(pitch), np.zeros_like(roll)
+    rows = [[cp, sp * sr, sp * cr], [zero, cr, -sr], [-sp, cp * sr, cp * cr]]
+    return np.asarray(forward_left_up @ np.moveaxis(np.array(rows), (0, 1), (-2, -1)) @ forward_left_up.T)
