@@ -10,14 +10,13 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from scipy.stats import binomtest
 
 from scenarios.estimators import Broken, EstimatorSpec, run_estimator
 from scenarios.outcome import outcomes
 from scenarios.score import score
 from scenarios.simulate import SimulatedClip, simulate
 from scenarios.space import STRATA, scene_of
-from scenarios.statistics import clopper_pearson
+from scenarios.statistics import binomial_tail, clopper_pearson
 from scenarios.truth import LeakTruth, Truth
 from scenarios.workers import all_done, in_order
 
@@ -184,6 +183,6 @@ def worse_than(trials: list[Trial], baseline: dict[str, Any]) -> list[str]:
         lost = [number for name, number in places if before[name, number] and not after[name, number]]
         won = [number for name, number in places if after[name, number] and not before[name, number]]
         changed = len(lost) + len(won)
-        if changed and binomtest(len(lost), changed, 0.5, alternative="greater").pvalue < WORSE_ALPHA:
+        if changed and binomial_tail(len(lost), changed, 0.5) < WORSE_ALPHA:
             worse.append(f"{space.name}: {len(lost)} clips lost ({', '.join(map(str, lost[:10]))}), {len(won)} won")
     return worse

@@ -12,9 +12,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.special import ndtri
-from scipy.stats import beta as beta_distribution
-from scipy.stats import binom
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import betainc, betaincinv, ndtri  # scipy.stats would add half a second to every command
 
 from scenarios.hunted import refuse_hunted
 
@@ -54,9 +53,15 @@ def clopper_pearson(k: int, n: int, confidence: float = 0.95) -> tuple[float, fl
     """
     refuse_hunted(k, n)
     tail = (1.0 - confidence) / 2.0
-    low = float(beta_distribution.ppf(tail, k, n - k + 1)) if k > 0 else 0.0
-    high = float(beta_distribution.ppf(1.0 - tail, k + 1, n - k)) if k < n else 1.0
+    low = float(betaincinv(k, n - k + 1, tail)) if k > 0 else 0.0
+    high = float(betaincinv(k + 1, n - k, 1.0 - tail)) if k < n else 1.0
     return low, high
+
+
+def binomial_tail(k: ArrayLike, n: int, rate: float) -> NDArray[np.float64]:
+    """Probability of k or more successes (of each of an array of k) in n trials (DLMF 8.17.5)."""
+    least = np.maximum(k, 1)
+    return np.where(np.asarray(k) <= 0, 1.0, betainc(least, n + 1 - least, rate))
 
 
 def median_interval(values: Sequence[float], confidence: float = 0.95) -> tuple[float, float, float]:
@@ -69,8 +74,9 @@ def median_interval(values: Sequence[float], confidence: float = 0.95) -> tuple[
     sample = np.sort(np.asarray(values, dtype=float))
     if len(sample) == 0:
         return math.nan, math.nan, math.nan
-    outside = int(binom.ppf((1.0 - confidence) / 2.0, len(sample), 0.5))
-    outside -= binom.cdf(outside, len(sample), 0.5) > (1.0 - confidence) / 2.0
+    n = len(sample)
+    at_most = binomial_tail(np.arange(n, -1, -1), n, 0.5)  # that 0, 1, 2 ... values or fewer are below the median
+    outside = int(np.searchsorted(at_most, (1.0 - confidence) / 2.0, side="right")) - 1
     if outside < 0:
         return float(np.median(sample)), math.nan, math.nan
     return float(np.median(sample)), float(sample[outside]), float(sample[-1 - outside])
@@ -151,6 +157,8 @@ def fixed_size_plan(at_least: float, reject_below: float, alpha: float, beta: fl
     """Smallest test of a fixed number of trials: fails `at_least` with probability <= alpha, passes `reject_below`
     with probability <= beta.
     """
+    from scipy.stats import binom  # half a second of imports that most commands do not need
+
     check_claim(at_least, reject_below, alpha, beta)
     largest = 64
     while True:
@@ -197,9 +205,9 @@ def assert_quantile(
     share = 1.0 - quantile
     doubled = 2.0 * share / (1.0 + share)
     found = f"{quantile:.0%} quantile <= {at_most:g}: {above} of {n} values above"
-    if binom.sf(above - 1, n, share) < alpha:
+    if binomial_tail(above, n, share) < alpha:
         raise AssertionError(f"failed: {found}, {share * n:.1f} expected (alpha {alpha:g})")
-    if not binom.cdf(above, n, doubled) <= beta:
+    if not binomial_tail(n - above, n, 1.0 - doubled) <= beta:
         raise AssertionError(
             f"inconclusive: {found}; too few values to tell a share of {share:.3g} from {doubled:.3g} (beta {beta:g})"
         )

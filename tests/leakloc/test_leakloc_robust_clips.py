@@ -1,7 +1,7 @@
 """The robust method on simulated clips: a few scenes with fixed seeds; the tables are in the deep tests."""
 
 from dataclasses import replace
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 import pytest
@@ -11,10 +11,17 @@ from scenarios.scenario_file import read_scenario
 from scenarios.score import score
 from scenarios.simulate import simulate
 
+pytestmark = pytest.mark.xdist_group("robust clips")  # they share clips
+
+
+@lru_cache(maxsize=1)
+def clip_of(preset, seed, *changes):
+    return simulate(read_scenario(preset, list(changes), seed=seed))
+
 
 @cache
 def scored(preset, seed, *changes, **options):
-    clip = simulate(read_scenario(preset, list(changes), seed=seed))
+    clip = clip_of(preset, seed, *changes)
     estimate = locate(clip.left, clip.right, clip.believed_rig, method="robust", **options)
     return score([(leak.x_m, leak.y_m) for leak in estimate.leaks], clip.truth).gated, estimate
 
@@ -77,13 +84,13 @@ def test_a_tilted_rig_is_levelled_by_its_streaks():
 
 
 def test_a_pair_out_of_step_by_a_frame_is_told():
-    clip = simulate(read_scenario("separated", [], seed=8))
+    clip = clip_of("separated", 8)
     estimate = locate(clip.left[:-1], clip.right[1:], clip.believed_rig)
     assert estimate.diagnostics["step"]["frames"] == -1
 
 
 def test_leaks_are_found_without_knowledge_of_lamp_and_wall():
-    clip = simulate(read_scenario("separated", [], seed=8))
+    clip = clip_of("separated", 8)
     blind = replace(clip.believed_rig, lamps=None, pedestal_radius=None)
     estimate = locate(clip.left, clip.right, blind)
     result = score([(leak.x_m, leak.y_m) for leak in estimate.leaks], clip.truth).gated

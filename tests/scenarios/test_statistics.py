@@ -13,6 +13,7 @@ from scenarios.statistics import (
     assert_quantile,
     assert_rate,
     assert_rate_of_fixed_size,
+    binomial_tail,
     clopper_pearson,
     fixed_size_plan,
     sequential_test,
@@ -35,6 +36,12 @@ def test_a_detector_at_99_percent_passes_after_about_31_scenes_whatever_alpha_is
     for alpha in (1e-2, 1e-6, 1e-9):
         _, mean_n = decisions(0.99, 400, at_least=0.95, reject_below=0.85, alpha=alpha, beta=0.05)
         assert 28 < mean_n < 34
+
+
+@given(n=st.integers(0, 300), rate=st.floats(0.001, 0.999))
+def test_the_binomial_tail_is_the_sum_of_its_terms(n, rate):
+    k = np.arange(n + 1)
+    assert binomial_tail(k, n, rate) == pytest.approx(binom.sf(k - 1, n, rate), rel=1e-9, abs=1e-300)
 
 
 def test_thirty_of_thirty_alone_proves_only_0_884():
