@@ -203,6 +203,18 @@ def damaged_videos(folder, clip, export, seed, numbers, tally):
             result.unlink(missing_ok=True)
 
 
+def test_a_sound_video_that_is_not_the_one_exported_is_refused(tmp_path, small_clip, small_export):
+    # No decoder complains of it, so what the export says of its bytes is all there is.
+    place = shutil.copytree(small_export, tmp_path / "videos")
+    shutil.copy(place / "right.avi", place / "left.avi")
+    words = ("--rig", small_clip / "rig.yaml", "-o", tmp_path / "result.json")
+    verdict = leakloc("locate", place / "left.avi", place / "right.avi", *words, inside=tmp_path)
+    assert verdict.code == 2
+    assert "left.avi: damaged: its SHA-256 differs from export.json" in verdict.error
+    (place / "export.json").unlink()
+    assert leakloc("locate", place / "left.avi", place / "right.avi", *words, inside=tmp_path).code == 0
+
+
 def test_a_damaged_video_is_refused_where_its_export_vouches_for_it(tmp_path, small_clip, small_export, tally):
     damaged_videos(tmp_path, small_clip, small_export, 0, range(20), tally)
     assert sum(tally.values()) == 20
