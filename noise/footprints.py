@@ -89,47 +89,54 @@ def collection_kernel(sigma_fine: float) -> Array:
 def class_footprints(
     bank: TrackBank, members: np.ndarray, fine: tuple[np.ndarray, np.ndarray], patch_px: int, kernel: Array
 ) -> tuple[np.ndarray, ...]:
-    """Rows (label, dx, dy, charge) of the tracks that fit a patch; the patches are filtered as one tall image."""
+    """Rows (label, dx, dy, charge), by label, of the tracks that fit a patch; they are filtered as one tall image."""
     side = patch_px * PHASES
     place = np.full(len(bank.length_um), -1)
     place[members] = np.arange(len(members))
     rows = place[bank.track] >= 0
-    entry = (patch_px // 2) * PHASES
+    # Its own pixel's last cell: a pixel that begins k cells left of the entry sees it at phase k, modulo a pixel, and
+    # so the cell of a pixel that holds its charge at phase k is the k-th from its end.
+    entry = (patch_px // 2) * PHASES + PHASES - 1
     index = (place[bank.track[rows]] * side + entry + fine[1][rows]) * side + entry + fine[0][rows]
     image: Array = np.zeros((len(members) * side, side), dtype=np.float32)
     np.add.at(image.reshape(-1), index, bank.charge_e[rows])
     # sepFilter2D correlates: a tap at +k reads the point k cells after the pixel's first cell.
     taps = kernel.astype(np.float32)
     image = cv2.sepFilter2D(image, -1, taps, taps, borderType=cv2.BORDER_CONSTANT)
-    kept = np.flatnonzero(image.reshape(-1) >= SMALLEST_E)
-    charge = image.reshape(-1)[kept]
-    line, fine_px = np.divmod(kept.astype(np.uint32), np.uint32(side))
-    slot, fine_py = np.divmod(line, np.uint32(side))
-    # A pixel that begins k cells left of the entry's cell sees the entry at phase k (modulo a pixel).
-    dx, phase_x = np.divmod(entry - fine_px.astype(np.int32), PHASES)
-    dy, phase_y = np.divmod(entry - fine_py.astype(np.int32), PHASES)
-    label = (members.astype(np.int32)[slot] * PHASES + phase_y) * PHASES + phase_x
-    return label, -dx, -dy, charge
+    cells = (image >= SMALLEST_E).reshape(len(members), patch_px, PHASES, patch_px, PHASES)
+    kept = np.flatnonzero(cells.transpose(0, 2, 4, 1, 3)[:, ::-1, ::-1]).astype(np.uint32)
+    label, pixel = np.divmod(kept, np.uint32(patch_px * patch_px))
+    y, x = np.divmod(pixel, np.uint32(patch_px))
+    slot, phase_y, phase_x = label // PHASES**2, label // PHASES % PHASES, label % PHASES
+    line = (slot * np.uint32(patch_px) + y) * PHASES + (PHASES - 1 - phase_y)
+    charge = image[line, x * PHASES + (PHASES - 1 - phase_x)]
+    label = members.astype(np.int32)[slot] * PHASES**2 + (label % PHASES**2).astype(np.int32)
+    middle = patch_px // 2
+    return label, x.astype(np.int16) - np.int16(middle), y.astype(np.int16) - np.int16(middle), charge
 
 
 def sorted_footprints(bank: TrackBank, pieces: list[tuple[np.ndarray, ...]]) -> Footprints:
     """Put the rows of all classes in order of track and phase, scaled to the tracks' own charge."""
     label, dx, dy, charge = (np.concatenate(column) for column in zip(*pieces, strict=True))
-    order = np.argsort(label, kind="stable")
-    label, dx, dy, charge = label[order], dx[order], dy[order], charge[order]
     n_tracks = len(bank.length_um)
     n_labels = n_tracks * PHASES**2
     total = np.bincount(label, charge, minlength=n_labels)
     own = np.bincount(bank.track, bank.charge_e, minlength=n_tracks)
-    pixels = np.empty(len(label), dtype=PIXEL)
-    pixels["dx_px"], pixels["dy_px"] = dx, dy
-    pixels["charge_e"] = charge * (np.repeat(own, PHASES**2) / np.where(total > 0, total, 1)).astype(np.float32)[label]
     count = np.bincount(label, minlength=n_labels)
+    start = np.concatenate([[0], np.cumsum(count)[:-1]])
+    # The rows of a label lie together in their class: they are moved as one.
+    first = np.flatnonzero(np.diff(label, prepend=-1))
+    moved = np.arange(len(label)) + np.repeat(start[label[first]] - first, count[label[first]])
+    pixels = np.empty(len(label), dtype=PIXEL)
+    pixels["dx_px"][moved], pixels["dy_px"][moved] = dx, dy
+    scale = (np.repeat(own, PHASES**2) / np.where(total > 0, total, 1)).astype(np.float32)
+    pixels["charge_e"][moved] = charge * scale[label]
+    reach_px = np.maximum(np.abs(pixels["dx_px"]), np.abs(pixels["dy_px"]))
     return Footprints(
         pixels=pixels,
-        start=np.concatenate([[0], np.cumsum(count)[:-1]]),
+        start=start,
         count=count,
-        reach_px=largest_of_each(np.maximum(np.abs(dx), np.abs(dy)), label // PHASES**2, n_tracks),
+        reach_px=largest_of_each(reach_px, np.repeat(np.arange(n_labels) // PHASES**2, count), n_tracks),
         track_charge_e=own,
         bank=bank,
     )

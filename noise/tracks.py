@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from noise.arrays import Array
-from noise.footprints import PHASES, Footprints
+from noise.footprints import PHASES, PIXEL, Footprints
 from noise.hits import GammaHits
 
 SHORT_PX = 8
@@ -104,8 +104,8 @@ def stamp_some(charge_e: Array, stamps: Stamps, prints: Footprints) -> None:
     row = np.floor(stamps.y_px + 0.5).astype(np.int64)
     far = (column >= SHORT_PX) & (column < width - SHORT_PX) & (row >= SHORT_PX) & (row < height - SHORT_PX)
     far &= prints.reach_px[stamps.track] <= SHORT_PX
-    owner, pixel = footprint_pixels(stamps.where(far), prints)
-    index = (row * width + column)[far][owner]
+    count, pixel = footprint_pixels(stamps.where(far), prints)
+    index = np.repeat((row * width + column)[far], count)
     index += pixel["dy_px"] * np.int64(width)
     index += pixel["dx_px"]
     np.add.at(charge_e.reshape(-1), index, pixel["charge_e"])
@@ -113,24 +113,22 @@ def stamp_some(charge_e: Array, stamps: Stamps, prints: Footprints) -> None:
 
 
 def stamp_near_border(
-    charge_e: Array, column: np.ndarray, row: np.ndarray, owner: np.ndarray, pixel: np.ndarray
+    charge_e: Array, column: np.ndarray, row: np.ndarray, count: np.ndarray, pixel: np.ndarray
 ) -> None:
     """The same for tracks that may lie partly outside: every pixel is looked at."""
     height, width = charge_e.shape
-    x, y = column[owner] + pixel["dx_px"], row[owner] + pixel["dy_px"]
+    x, y = np.repeat(column, count) + pixel["dx_px"], np.repeat(row, count) + pixel["dy_px"]
     inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
     np.add.at(charge_e.reshape(-1), y[inside] * width + x[inside], pixel["charge_e"][inside])
 
 
 def footprint_pixels(stamps: Stamps, prints: Footprints) -> tuple[np.ndarray, np.ndarray]:
-    """All pixels of all footprints: the row of `stamps` that each belongs to, and its PIXEL record."""
+    """How many pixels each track lights, and the PIXEL records of all of them, track after track."""
     label = (stamps.track * PHASES + phase_of(stamps.y_px)) * PHASES + phase_of(stamps.x_px)
     count = prints.count[label]
-    owner = np.repeat(np.arange(len(stamps)), count)
-    first = prints.start[label] - (np.cumsum(count) - count)
-    entry = first[owner]
-    entry += np.arange(len(owner))
-    return owner, prints.pixels[entry]
+    entry = np.repeat(prints.start[label] - (np.cumsum(count) - count), count)
+    entry += np.arange(len(entry))
+    return count, prints.pixels.view(np.int64)[entry].view(PIXEL)  # fetched as numbers: twice as fast as records
 
 
 def phase_of(place_px: Array) -> np.ndarray:
