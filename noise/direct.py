@@ -56,26 +56,28 @@ def direct_hits(
 def collect(image_e: Array, x_px: Array, y_px: Array, charge_e: Array, sigma_px: float) -> None:
     """Add point charges, diffused by a Gauss of `sigma_px`, to the pixels of an image, in place.
 
-    A pixel gets the integral of the Gauss over its square; what falls outside the image is lost.
+    A pixel gets the integral of the Gauss over its square, to 4 sigma; what falls outside the image is lost.
     """
     height, width = image_e.shape
-    reach = int(np.ceil(4 * sigma_px)) + 1
+    reach = int(1 + 4 * sigma_px)  # the point is anywhere in its own pixel
     near = (x_px > -reach - 1) & (x_px < width + reach) & (y_px > -reach - 1) & (y_px < height + reach)
     rows = np.flatnonzero(near)
+    margin = 2 * reach + 1
+    padded = np.zeros((height + 2 * margin, width + 2 * margin))  # nobody has to ask what lies outside
     offset = np.arange(-reach, reach + 1)
     for part in np.array_split(rows, len(rows) // DEPOSITS_AT_A_TIME + 1):
         column, across = pixel_shares(x_px[part], offset, sigma_px)
         row, down = pixel_shares(y_px[part], offset, sigma_px)
-        share = charge_e[part, None, None] * down[:, :, None] * across[:, None, :]
-        inside = ((row >= 0) & (row < height))[:, :, None] & ((column >= 0) & (column < width))[:, None, :]
-        index = row[:, :, None] * width + column[:, None, :]
-        np.add.at(image_e.reshape(-1), index[inside], share[inside].astype(image_e.dtype))
+        down *= charge_e[part, None]
+        index = ((row + margin) * padded.shape[1])[:, :, None] + (column + margin)[:, None, :]
+        np.add.at(padded.reshape(-1), index.reshape(-1), (down[:, :, None] * across[:, None, :]).reshape(-1))
+    image_e += padded[margin:-margin, margin:-margin]
 
 
 def pixel_shares(place_px: Array, offset: np.ndarray, sigma_px: float) -> tuple[np.ndarray, Array]:
     """Pixels (n, k) around points along one axis, and the share of the Gauss that each holds."""
-    pixel = np.floor(place_px + 0.5).astype(np.int64)[:, None] + offset
+    own = np.floor(place_px + 0.5).astype(np.int64)[:, None]
     if sigma_px == 0:
-        return pixel, np.broadcast_to(offset == 0, pixel.shape).astype(float)
-    left = (pixel - 0.5 - place_px[:, None]) / sigma_px
-    return pixel, ndtr(left + 1 / sigma_px) - ndtr(left)
+        return own + offset, np.tile((offset == 0).astype(float), (len(own), 1))
+    edges = own + np.append(offset, offset[-1] + 1) - 0.5
+    return own + offset, np.diff(ndtr((edges - place_px[:, None]) / sigma_px), axis=1)

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ ROUNDINGS = 8  # draws of the thresholds in `rounded`; the median column of 20 s
 BLACK = 0.02  # reflectance that a wall hidden from both cameras at least has
 
 
+@cache
 def read_reference(name):
     """Frames uint8 (frames, height, width) per view, and the scene they were rendered from."""
     with np.load(REFERENCE / f"{name}.npz", allow_pickle=False) as deltas:
@@ -58,11 +60,13 @@ def described(scene, texture):
     return Scene(Pedestal(texture=texture), lamps, leaks, (), BOUNCES), stereo_rig(), recording
 
 
-def wall_from_medians(frames, scene, hidden=1.0):
+@cache
+def wall_from_medians(name, hidden=1.0):
     """The rust that the clip does not give: reflectance of the wall from the clip's own median, where it is seen.
 
     Elsewhere it is the mean of what is seen, times `hidden` on the wall behind the cameras.
     """
+    frames, scene = read_reference(name)
     mean = 0.15
     texture = ImageTexture(np.full((1, 1), mean), mean)
     light = {view: linear(np.median(frames[view], axis=0)).ravel() for view in VIEWS}
@@ -216,7 +220,7 @@ def compared(name, render, hidden=1.0):
     `render` is simcam's render_clip or another with its signature.
     """
     frames, description = read_reference(name)
-    scene, rig, recording = described(description, wall_from_medians(frames, description, hidden))
+    scene, rig, recording = described(description, wall_from_medians(name, hidden))
     clip = render(scene, rig, recording)
     rows = []
     for view in VIEWS:
@@ -235,9 +239,13 @@ def compared(name, render, hidden=1.0):
 def _mean_measures(light, windows):
     """Measures of rendered light, the column as the mean over draws of the rounding, the rest from the first."""
     grey, draws = encoded(light), []
+    seen = np.zeros(light.shape[1:], dtype=bool)
+    for one in windows:
+        seen[one.first_row : one.last_row + 1, one.first_column : one.last_column + 1] = True
     for draw in range(ROUNDINGS):
         rendered = rounded(grey, draw)
-        still = np.median(rendered, axis=0)
+        still = np.zeros(seen.shape)
+        still[seen] = np.median(rendered[:, seen], axis=0)  # of a tenth of the pixels
         draws.append([measured(rendered, still, one) for one in windows])
     columns = np.nanmean([[one.column_px for one in draw] for draw in draws], axis=0)
     return [replace(first, column_px=float(column)) for first, column in zip(draws[0], columns, strict=True)]
@@ -250,7 +258,7 @@ def pooled_light(name, render, hidden):
     rare white pixels, 87 times brighter than 8 bits can hold.
     """
     frames, description = read_reference(name)
-    scene, rig, recording = described(description, wall_from_medians(frames, description, hidden))
+    scene, rig, recording = described(description, wall_from_medians(name, hidden))
     clip = render(scene, rig, recording)
     light = {"drop": [], "shadow": []}
     for view in VIEWS:

@@ -44,7 +44,8 @@ def differences_in_grey(scene, camera, recording):
     return np.abs(fast - BruteForce(scene, camera, recording).frame(0)) / GREY_E
 
 
-@settings(max_examples=15, phases=(Phase.explicit, Phase.generate))  # shrinking renders hundreds of clips
+# 100 in the deep profile; shrinking renders hundreds of clips
+@settings(max_examples=settings().max_examples // 10, phases=(Phase.explicit, Phase.generate))
 @given(
     scene=scenes(), tilt=st.tuples(*[st.floats(-5, 5)] * 3), k1=st.floats(-0.1, 0.1), exposure=st.floats(0.005, 0.083)
 )
