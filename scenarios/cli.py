@@ -16,7 +16,7 @@ from scenarios.cli_locate import inspect, locate
 from scenarios.cli_options import FILE, FOLDER, SEED, FiniteRange, clear_errors, scenario_options
 from scenarios.cli_reproduce import reproduce
 from scenarios.clip_folder import verify_clip, write_clip
-from scenarios.output_folder import check_new, check_replaceable, creating, replacing
+from scenarios.output_folder import check_destination, creating, replacing
 from scenarios.scenario import Scenario
 from scenarios.scenario_file import library_names, read_scenario
 from scenarios.truth import read_truth
@@ -46,7 +46,7 @@ def simulate(scenario: str, overrides: tuple[str, ...], seed: int | None, destin
     """Render a stereo clip with its radiation, sensor and truth."""
     from scenarios.simulate import simulate as simulated
 
-    (check_replaceable if force else check_new)(destination)
+    check_destination(destination, "clip.json", force=force)
     clip = simulated(read_scenario(scenario, overrides, seed))
     write_clip(clip, destination, replacing if force else creating)
     seen = sum(leak.observable for leak in clip.truth.leaks)
@@ -110,6 +110,7 @@ def noise(source: Path, destination: Path, exposure: float | None, *, force: boo
     from noise import GammaField, Sensor
     from scenarios.irradiate import Exposure, irradiate, recorded_exposure_s
 
+    check_destination(destination, "noise.json", force=force)
     exposure_s = exposure or recorded_exposure_s(source)
     if exposure_s is None:
         raise click.UsageError("--exposure is needed: there is no input.json that states it")
@@ -129,6 +130,7 @@ def demo(destination: Path, seed: int | None, *, force: bool) -> None:
     """Simulate three leaks, find them, score them, and write a report to look at."""
     from scenarios.demo import run_demo
 
+    check_destination(destination, "demo.json", force=force)
     click.echo(run_demo(destination, replacing if force else creating, seed))
 
 

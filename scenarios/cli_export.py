@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from scenarios.cli_options import FOLDER, clear_errors
-from scenarios.output_folder import check_apart, check_new, check_replaceable, creating, replacing
+from scenarios.output_folder import check_apart, check_destination, creating, replacing
 
 
 @click.command()
@@ -26,6 +26,6 @@ def export(clip: Path, destination: Path, *, force: bool, **chosen: bool) -> Non
     if not kinds:
         raise click.UsageError("at least one of --video, --coco and --csv must say what to write")
     check_apart(clip, destination)
-    (check_replaceable if force else check_new)(destination)
+    check_destination(destination, "export.json", force=force)
     names = export_clip(clip, kinds, destination, replacing if force else creating)
     click.echo(f"{destination}: {', '.join(names)}")

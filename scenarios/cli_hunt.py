@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from scenarios.cli_options import FOLDER, SEED, chosen_estimator, clear_errors, estimator_options, scenario_options
-from scenarios.output_folder import check_apart, check_new, check_replaceable, check_same_kind, creating, replacing
+from scenarios.output_folder import check_apart, check_destination, creating, replacing
 from scenarios.scenario_file import read_scenario
 
 if TYPE_CHECKING:
@@ -64,9 +64,8 @@ def hunt(space: str, destination: Path, *, force: bool, **options: Any) -> None:
     from scenarios.space_file import read_space
 
     quarry = Quarry(read_space(space), chosen_estimator(options), options["seed"])
-    (check_replaceable if force else check_new)(destination)
+    check_destination(destination, "hunt.json", force=force)
     _check_input_apart(space, destination)
-    check_same_kind(destination, "hunt.json")
     atlas, n_scenes = Atlas(quarry.space), 0
     budget_s = options["budget"] or (None if options["scenes"] else 300.0)
     with (replacing if force else creating)(destination) as folder:
@@ -143,9 +142,8 @@ def shrink(  # noqa: PLR0913  one argument per option
     if code not in (None, *CODES):
         raise click.BadParameter(f"{code!r} must be one of {', '.join(CODES)}", param_hint="--code")
     whole, spec = read_scenario(scenario, overrides, seed), chosen_estimator(options)
-    (check_replaceable if force else check_new)(destination)
+    check_destination(destination, "shrunk.json", force=force)
     _check_input_apart(scenario, destination)
-    check_same_kind(destination, "shrunk.json")
     with (replacing if force else creating)(destination) as folder:
         befell = [failure for failure in failures(run_of(whole, spec)) if code in (None, failure.code)]
         leak = befell[0].leak if befell else None
@@ -184,9 +182,8 @@ def envelope(space: str, destination: Path, *, force: bool, **options: Any) -> N
     from scenarios.space_file import read_space
 
     quest = Quest(read_space(space), chosen_estimator(options), options["seed"], options["scenes"], options["trials"])
-    (check_replaceable if force else check_new)(destination)
+    check_destination(destination, "envelope.json", force=force)
     _check_input_apart(space, destination)
-    check_same_kind(destination, "envelope.json")
     with (replacing if force else creating)(destination) as folder:
         with lanes_of(local_workers(options["n_workers"])) as lanes, counting("clips") as tell:
             found = envelope_of(quest, on_lanes(lanes), tell)

@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from scenarios.cli_options import FOLDER, STOPPED, clear_errors
-from scenarios.output_folder import check_new, check_replaceable, check_same_kind, creating, replacing
+from scenarios.output_folder import check_destination, creating, replacing
 
 
 @click.command()
@@ -35,8 +35,7 @@ def reproduce(  # noqa: PLR0913  one argument per option
     from scenarios.reproduce import write_evaluation
     from scenarios.run_campaign import local_workers
 
-    (check_replaceable if force else check_new)(destination)
-    check_same_kind(destination, "tables.json")
+    check_destination(destination, "tables.json", force=force)
     size = QUICK if quick else FULL
     size = size if scenes is None else replace(size, separated=scenes)
     files = campaign_files(size, overrides)

@@ -118,8 +118,12 @@ def check_replaceable(destination: Path) -> None:
         raise OutputError(f"{destination}: is not empty and was not made by leakloc; it is never replaced")
 
 
-def check_same_kind(destination: Path, marker: str) -> None:
-    """Refuse a folder to replace that the tool made by another command: its marker is not the one to come."""
+def check_destination(destination: Path, marker: str, *, force: bool) -> None:
+    """Refuse a folder to make, before the work, that is taken; with `force` one that is not of the kind to come.
+
+    `marker` is the marker file of that kind. Raises OutputError.
+    """
+    (check_replaceable if force else check_new)(destination)
     if (there := _markers(destination)) and there != {marker}:
         raise OutputError(f"{destination}: is something else that leakloc made; it is not replaced by this")
 

@@ -263,6 +263,11 @@ def test_bad_input_is_refused_and_the_clip_stays_as_it_is(own_clip, tmp_path, ar
     assert sorted(path.name for path in tmp_path.iterdir()) == ["clip"]
 
 
+def test_a_folder_of_another_kind_is_refused_before_anything_is_rendered(own_clip, monkeypatch):
+    monkeypatch.setattr("scenarios.demo.simulate", lambda _: pytest.fail("rendered"))
+    assert_refused(run("demo", "-o", own_clip, "--force"), "is something else that leakloc made")
+
+
 def test_an_estimator_that_never_answers_is_named_and_the_exit_code_says_so():
     result = run("explain", "plain", *SMALL, "--command", "true {clip} {result}")
     assert result.exit_code == 1
