@@ -5,6 +5,7 @@ file is stale and counts as a survivor.
 """
 
 import os
+import resource
 import shutil
 import subprocess
 import sys
@@ -18,6 +19,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 LIST = Path(__file__).with_name("defects.toml")
 TIMEOUT_S = 600
+MEMORY_BYTES = 8 * 2**30  # a fault that lets memory grow without end fails its test, and not the machine
 LEFT_OUT = (".git", ".venv", "demo", ".hypothesis", ".pytest_cache", ".mypy_cache", ".ruff_cache", "__pycache__")
 
 
@@ -69,7 +71,14 @@ def run(defect: dict) -> Verdict:
         environment = {**os.environ, "PYTHONPATH": str(root), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
         try:
             done = subprocess.run(
-                command, cwd=root, env=environment, capture_output=True, text=True, timeout=TIMEOUT_S, check=False
+                command,
+                cwd=root,
+                env=environment,
+                capture_output=True,
+                text=True,
+                timeout=TIMEOUT_S,
+                check=False,
+                preexec_fn=bounded,
             )
         except subprocess.TimeoutExpired:
             return Verdict(defect["name"], killed=False, by="time-out: undecided", seconds=time.monotonic() - start_s)
@@ -80,6 +89,11 @@ def run(defect: dict) -> Verdict:
         ]
         by = failed[0] if failed else f"nothing (exit code {done.returncode})"
         return Verdict(defect["name"], done.returncode == 1 and bool(failed), by, time.monotonic() - start_s)
+
+
+def bounded() -> None:
+    """Bound the memory of this process."""
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
 
 
 def main() -> int:
