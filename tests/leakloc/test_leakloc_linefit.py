@@ -1,13 +1,15 @@
 """One leak's line fitted to both profiles: where it says the drop is, and how well it says that it knows."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from scipy.stats import binom
 
 from leakloc.levelled import level_pair
-from leakloc.linefit import RADIUS_FACTORS, RADIUS_SPREAD, Profile, fit_bright_line, fit_line
+from leakloc.linefit import LIMBS, RADIUS_FACTORS, RADIUS_SPREAD, Profile, _Problem, fit_bright_line, fit_line
 from leakloc.lineshape import BLUR_PX, gaussian, limb
 from leakloc.prediction import DROP_RADIUS_M, predict
 from leakloc.rig import Rig
@@ -126,3 +128,31 @@ def test_a_bright_and_a_dark_limb_do_not_push_the_drop_aside(make_rig):
     rms_px, rms_without_px = (np.sqrt(np.mean(np.square(errors))) for errors in (with_limbs_px, without_px))
     assert rms_px < 0.1
     assert rms_px < 0.5 * rms_without_px
+
+
+@settings(max_examples=25, phases=(Phase.explicit, Phase.generate))  # a plainer example shows no more
+@given(
+    distance_m=st.floats(0.2, 2.4),  # of 2.5 to the wall, where shadows stand beside the drop
+    azimuth_rad=st.floats(-0.5, 0.5),
+    limbs=st.sampled_from([(), LIMBS]),
+    seed=st.integers(0, 2**32 - 1),
+    at_most=st.booleans(),
+)
+def test_residuals_of_a_stack_are_those_of_each_alone_and_slopes_are_their_derivatives(
+    make_rig, distance_m, azimuth_rad, limbs, seed, at_most
+):
+    rig = replace(with_lamps(make_rig(), BOTH_SIDES), pedestal_radius=2.5)
+    rng = np.random.default_rng(seed)
+    stage = level_pair(rig), rig
+    place_m = distance_m * np.array([np.cos(azimuth_rad), np.sin(azimuth_rad)])
+    profiles, columns_px = glinting(place_m, 1.0, stage, rng)
+    problem = _Problem(profiles, np.rint(columns_px), stage, None, limbs)
+    least, most = problem.bounds()
+    thetas = problem.start + rng.uniform(-0.3, 0.3, (4, len(problem.start)))
+    if at_most:  # there a difference can only be taken backwards
+        thetas[0, :4] = most[:4]
+    alone = np.concatenate([problem.residuals(theta[None]) for theta in thetas])
+    assert problem.residuals(thetas) == pytest.approx(alone, rel=1e-7, abs=1e-7)
+    step = 1e-4 * np.eye(len(least))
+    central = (problem.residuals(thetas[0] + step) - problem.residuals(thetas[0] - step)).T / 2e-4
+    assert problem.slopes(thetas[0]) == pytest.approx(central, rel=1e-2, abs=1e-2 * np.abs(central).max())
