@@ -10,6 +10,7 @@ Sensor: `sensor`, `exposure`, `codec`. Draws: `streams`. Inverses: `bright`, `do
 from noise.aggregate import expected_column_sd
 from noise.clip import NoisyClip, add_noise
 from noise.dosimetry import DoseEstimate, estimate_dose_rate
+from noise.exposure import shown_grey
 from noise.gamma import (
     GammaField,
     expected_deposit_kev,
@@ -41,6 +42,7 @@ __all__ = [
     "mean_pixels_per_track",
     "normal_incidence_charge_e",
     "preset",
+    "shown_grey",
     "track_length_survival",
     "tracks_per_cm2_gy",
 ]

@@ -24,8 +24,10 @@ clips of all lengths share the tile of TILE_FRAMES.
 
 TILE_SEED = 20210
 
-LEVELS = np.concatenate([[0.0], 4.0 ** np.arange(-5, 0.5)])
-"""Backgrounds, as shares of the full well, between which the variance is interpolated."""
+LEVELS = np.concatenate([[0.0], 4.0 ** np.arange(-5, -0.5), [15 / 16, 1.0]])
+"""Backgrounds, as shares of the full well, between which the variance is interpolated: up to near white it is linear
+in the light, and white cuts it.
+"""
 
 DOSE_RATES_GY_H = np.concatenate([[0.0], 10.0 * 2.0 ** np.arange(-6, 10.5)])
 """Constant dose rates between which the variance is interpolated: it grows almost in proportion."""

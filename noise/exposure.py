@@ -158,12 +158,23 @@ def convert(signal_e: Array, sensor: Sensor) -> Frames:
     return srgb_table(sensor.white_level)[linear].astype(kind, copy=False)
 
 
+def shown_grey(electrons: Array, sensor: Sensor) -> Array:
+    """Grey values of a noise-free sensor before they are rounded, in its levels: full well, gain and tone."""
+    share = np.clip(electrons / sensor.full_well_e, 0.0, 1.0)
+    return sensor.white_level * (srgb_tone(share) if sensor.tone == "srgb" else share)
+
+
+def srgb_tone(linear: Array) -> Array:
+    """Share of white that linear light 0 to 1 is shown as (IEC 61966-2-1)."""
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055)
+
+
 @lru_cache(maxsize=4)
 def srgb_table(white_level: int) -> Frames:
-    """Level of each of 65 536 steps of linear light (IEC 61966-2-1)."""
-    linear = np.arange(2**16) / 65535
-    tone = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-    return np.rint(tone * white_level).astype(np.uint16 if white_level > 255 else np.uint8)
+    """Level of each of 65 536 steps of linear light."""
+    return np.rint(srgb_tone(np.arange(2**16) / 65535) * white_level).astype(
+        np.uint16 if white_level > 255 else np.uint8
+    )
 
 
 @lru_cache(maxsize=8)

@@ -81,7 +81,7 @@ def trial_on(clip: SimulatedClip, work: Work) -> Trial:
             detail=answer.detail,
         )
     scored = score([(leak.x_m, leak.y_m) for leak in answer.leaks], clip.truth)
-    gated, codes = scored.gated, outcomes(answer, clip.truth, scored)
+    gated, codes = scored.gated, outcomes(answer, clip.truth, clip.believed_rig, scored)
     observable = {leak.id: leak for leak in clip.truth.leaks if leak.observable}
     counted = [pair for pair in gated.pairs if pair.leak_id in observable]
     errors_px = tuple(pair.error_m / metres_per_px(clip.truth, observable[pair.leak_id]) for pair in counted)
@@ -168,15 +168,20 @@ def table(trials: list[Trial]) -> str:
     return "\n".join(lines)
 
 
-def worse_than(trials: list[Trial], baseline: dict[str, Any]) -> list[str]:
-    """Say what got worse against an earlier run of the same scenes: exact McNemar test on the clips that changed.
+def check_same_scenes(baseline: dict[str, Any], n_scenes: int, seed: int) -> None:
+    """Raise ValueError when an earlier run is not of the scenes that a run of this size and seed will be of."""
+    if {(row["stratum"], row["number"]) for row in baseline["trials"]} != {
+        (space.name, number) for space in STRATA for number in range(n_scenes)
+    }:
+        raise ValueError("the baseline is a run of other scenes: run the bench with its --scenes")
+    if baseline.get("seed") != seed:
+        raise ValueError(f"the baseline is a run of other scenes: its seed is {baseline.get('seed')!r:.40}, not {seed}")
 
-    Raises ValueError when the runs are not of the same scenes.
-    """
+
+def worse_than(trials: list[Trial], baseline: dict[str, Any]) -> list[str]:
+    """Say what got worse against an earlier run of the same scenes: exact McNemar test on the clips that changed."""
     before = {(row["stratum"], row["number"]): bool(row["right"]) for row in baseline["trials"]}
     after = {(trial.stratum, trial.number): trial.right for trial in trials}
-    if before.keys() != after.keys():
-        raise ValueError("the baseline is a run of other scenes: run the bench with its --scenes")
     worse = []
     for space in STRATA:
         places = [place for place in after if place[0] == space.name]

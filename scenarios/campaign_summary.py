@@ -124,7 +124,7 @@ def wrong_codes(cell: Cell) -> str:
 def _cell(runs: Sequence[Run]) -> Cell:
     errors_m = [error for run in runs for error in run.errors_m]
     errors_px = [error for run in runs for error in run.errors_px]
-    codes = Counter(code for run in runs for code in _codes(run))
+    codes = Counter(code for run in runs for code in codes_of(run))
     return Cell(
         arm=runs[0].arm,
         values=runs[0].values,
@@ -139,8 +139,8 @@ def _cell(runs: Sequence[Run]) -> Cell:
     )
 
 
-def _codes(run: Run) -> list[str]:
-    """Codes of a run: of its leaks and false estimates, or of its breakdown, once."""
+def codes_of(run: Run) -> list[str]:
+    """Return the codes of a run: of its leaks and false estimates, or of its breakdown, once."""
     return [*(leak.code for leak in run.leaks), *run.false_codes] if run.outcome == OK else [run.outcome]
 
 

@@ -28,12 +28,17 @@ class BaselineError(ValueError):
 
 def run_bench_command(spec: EstimatorSpec, options: dict[str, Any]) -> None:
     """Run the bench as the command line's options say; exits with 1 when the estimator is not good enough."""
-    from scenarios.bench import as_json, run_bench, table, worse_than
+    from scenarios.bench import as_json, check_same_scenes, run_bench, table, worse_than
     from scenarios.junit import junit_xml
     from scenarios.progress import progress
     from scenarios.space import STRATA
 
     baseline = read_baseline(options["baseline"]) if options["baseline"] else None
+    if baseline is not None:
+        try:
+            check_same_scenes(baseline, options["scenes"], options["seed"])
+        except ValueError as error:
+            raise BaselineError(f"{options['baseline']}: {error}") from None
     for target in (options["json"], options["junit"]):
         if target is not None:
             check_target(target)
@@ -47,10 +52,7 @@ def run_bench_command(spec: EstimatorSpec, options: dict[str, Any]) -> None:
         write_file(options["junit"], junit_xml(trials, spec.text))
     problems = [f"{trial.stratum} {trial.number}: {trial.codes[0]}: {trial.detail}" for trial in trials if trial.detail]
     if baseline is not None:
-        try:
-            problems += [f"worse than {options['baseline']}: {line}" for line in worse_than(trials, baseline)]
-        except ValueError as error:
-            raise BaselineError(f"{options['baseline']}: {error}") from None
+        problems += [f"worse than {options['baseline']}: {line}" for line in worse_than(trials, baseline)]
     if problems:
         click.echo("\n".join(problems), err=True)
         sys.exit(NOT_GOOD_ENOUGH)

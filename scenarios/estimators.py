@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import math
 import multiprocessing
 import re
 import shlex
@@ -15,8 +16,8 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, Literal
@@ -35,6 +36,9 @@ Breakdown = Literal["crash", "timeout", "nan", "malformed"]
 SHOWN_ERROR_CHARS = 300
 MAX_TEXT_CHARS = 10_000
 IMPORTABLE = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*")
+WORLD = "world"
+"""The frame in which places are scored: every rig of the harness knows where it stands."""
+NUMBERS_OF_LEAKS = ("x_m", "y_m", "score", "left_column_px", "right_column_px", "column_sigma_px")
 BUILT_IN = ("paper", "robust", "naive")
 
 
@@ -254,6 +258,23 @@ def _run_method(name: str, clip: SimulatedClip) -> Answer:
 
 
 def _checked(estimate: Estimate) -> Answer:
-    if not all(np.isfinite([leak.x_m, leak.y_m]).all() for leak in estimate.leaks):
+    """The estimate in plain numbers, or what is wrong with it: foreign code may put anything anywhere."""
+    if estimate.frame != WORLD:
+        return Broken("malformed", f"frame must be {WORLD!r}, got {estimate.frame!r:.80}")
+    if not isinstance(estimate.method, str) or not isinstance(estimate.diagnostics, Mapping):
+        return Broken("malformed", "method must be a text and diagnostics a mapping")
+    try:
+        leaks = tuple(_in_numbers(leak) for leak in estimate.leaks)
+    except (AttributeError, TypeError, ValueError, OverflowError) as error:
+        return Broken("malformed", f"leaks must be LeakEstimates of numbers: {error}"[:SHOWN_ERROR_CHARS])
+    if not all(math.isfinite(leak.x_m) and math.isfinite(leak.y_m) for leak in leaks):
         return Broken("nan", "a leak's place is not finite")
-    return estimate
+    return replace(estimate, leaks=leaks)
+
+
+def _in_numbers(leak: LeakEstimate) -> LeakEstimate:
+    covariance_m2 = np.asarray(leak.covariance_m2, dtype=float)
+    if covariance_m2.shape != (2, 2):
+        raise ValueError(f"covariance_m2 must be 2 x 2, got {covariance_m2.shape}")
+    numbers = {name: float(getattr(leak, name)) for name in NUMBERS_OF_LEAKS}
+    return LeakEstimate(covariance_m2=covariance_m2, **numbers)

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from scenarios.campaign_summary import Found
+from scenarios.campaign_summary import Found, codes_of
 from scenarios.evaluation import EXPERIMENTS, Evaluation, Experiment
 from scenarios.published import Published, published
-from scenarios.scene_work import OK, LeakOutcome
+from scenarios.scene_work import LeakOutcome
 from scenarios.score import nulled
 from scenarios.statistics import mean_interval
 from scenarios.stored_run import COUNTED, Run
@@ -145,8 +145,6 @@ def flattened(value: dict[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def _row(experiment: str, setting: str, method: str, runs: Sequence[Run]) -> Row:
-    told = [code for run in runs for code in (*(leak.code for leak in run.leaks), *run.false_codes)]
-    broken = [run.outcome for run in runs if run.outcome != OK]
     return Row(
         experiment,
         setting,
@@ -154,7 +152,7 @@ def _row(experiment: str, setting: str, method: str, runs: Sequence[Run]) -> Row
         n_clips=len(runs),
         paper_rule=tally(runs, RULES["paper_rule"]),
         gated=tally(runs, RULES["gated"]),
-        codes=dict(Counter(told + broken)),
+        codes=dict(Counter(code for run in runs for code in codes_of(run))),
         published=published(experiment, setting),
     )
 

@@ -81,13 +81,14 @@ def table(arms: list[Arm]) -> str:
     lines = ["without".ljust(width) + "".join(f"leak {leak}".ljust(22) for leak in leaks) + "false"]
     for arm in arms:
         cells = [arm.breakdown or arm.codes.leaks.get(_number_in(arm, leak), "-") for leak in leaks]
-        false = ", ".join(sorted(arm.codes.estimates.values())) or "-"
+        false = arm.breakdown or ", ".join(sorted(arm.codes.estimates.values())) or "-"
         lines.append(arm.removed.ljust(width) + "".join(cell.ljust(22) for cell in cells) + false)
     lines.append("")
     cured = cures(arms)
     for leak, names in cured.items():
         lines.append(f"leak {leak} is found without: {', '.join(names) or 'none of these alone'}")
-    return "\n".join(lines if cured else [*lines, "every leak is found as it is"])
+    found = [] if cured or arms[0].breakdown else ["every leak is found as it is"]
+    return "\n".join([*lines, *found])
 
 
 def explain_html(arms: list[Arm]) -> str:
@@ -122,7 +123,7 @@ def _arm(removed: str, scenario: Scenario, estimator: EstimatorSpec) -> Arm:
         lost = Outcomes(dict.fromkeys((leak.id for leak in clip.truth.leaks), answer.code), {})
         return Arm(removed, clip, None, nothing, lost, answer.code, answer.detail)
     scored = score([(leak.x_m, leak.y_m) for leak in answer.leaks], clip.truth)
-    return Arm(removed, clip, answer, scored, outcomes(answer, clip.truth, scored))
+    return Arm(removed, clip, answer, scored, outcomes(answer, clip.truth, clip.believed_rig, scored))
 
 
 def _number_in(arm: Arm, leak: int) -> int:

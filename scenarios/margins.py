@@ -6,8 +6,9 @@ outcome alone decides.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +16,8 @@ from leakloc import Estimate, PaperOptions
 from scenarios.outcome import COLUMN_TOLERANCE_PX
 from scenarios.score import GATE_DISPARITY_PX, GATE_M, Score, gate_m
 from scenarios.truth import LeakTruth, Truth
+
+SIDES = ("left", "right")
 
 BOUND_OF_GATE = 0.5
 """An error is beyond the bound from half the gate on: max(0.15 m, 1.5 px of disparity)."""
@@ -82,40 +85,56 @@ def threshold_of(estimate: Estimate) -> float:
     """Score at which a method tells of a leak; NaN where it does not say so."""
     if estimate.method == "paper":
         return PaperOptions().k_sigma
-    threshold = estimate.diagnostics.get("threshold_sigmas", math.nan)
-    return float(threshold) if isinstance(threshold, int | float) and threshold > 0 else math.nan
+    threshold = _number(estimate.diagnostics.get("threshold_sigmas"))
+    return threshold if threshold > 0.0 else math.nan
 
 
 def _strength_near(estimate: Estimate, leak: LeakTruth) -> float:
     """What a method saw at the columns of a leak that it does not tell of, in units of its scores; NaN if unknown."""
     if estimate.method == "paper":
-        return min((_peak_sigmas(estimate, side, leak) for side in ("left", "right")), default=math.nan)
+        return min(_peak_sigmas(estimate, side, leak) for side in SIDES)
     return max((sigmas for sigmas in _lines_near(estimate, leak)), default=math.nan)
 
 
 def _lines_near(estimate: Estimate, leak: LeakTruth) -> Iterator[float]:
-    for line in estimate.diagnostics.get("lines", ()):
-        columns = [(line.get(f"{side}_column_px"), getattr(leak, f"{side}_column_px")) for side in ("left", "right")]
-        if all(
-            seen is not None and true is not None and abs(seen - true) <= COLUMN_TOLERANCE_PX for seen, true in columns
-        ):
-            yield float(line.get("sigmas", math.nan))
+    lines = estimate.diagnostics.get("lines")
+    for line in map(_table, lines if isinstance(lines, list | tuple) else ()):
+        columns = [(_number(line.get(f"{side}_column_px")), getattr(leak, f"{side}_column_px")) for side in SIDES]
+        if all(true is not None and abs(seen - true) <= COLUMN_TOLERANCE_PX for seen, true in columns):
+            yield _number(line.get("sigmas"))
 
 
 def _peak_sigmas(estimate: Estimate, side: str, leak: LeakTruth) -> float:
     """Highest column aggregate near a leak in standard deviations above the mean, as Algorithm 1 has it."""
     column = getattr(leak, f"{side}_column_px")
-    profile = np.asarray(estimate.diagnostics.get(side, {}).get("profile_grey", ()), dtype=float)
-    if column is None or not len(profile) or profile.std() == 0.0:
+    told = _table(estimate.diagnostics.get(side)).get("profile_grey")
+    profile = np.array([_number(value) for value in told] if isinstance(told, list | tuple | np.ndarray) else [])
+    if column is None or not len(profile) or not profile.std() > 0.0:
         return math.nan
     first, last = (max(round(column + way * COLUMN_TOLERANCE_PX), 0) for way in (-1, 1))
     near = profile[first : last + 1]
     return float((near.max() - profile.mean()) / profile.std()) if len(near) else math.nan
 
 
+def _table(value: Any) -> Mapping[str, Any]:
+    """What a foreign estimator says where ours says a mapping: it owes us none."""
+    return value if isinstance(value, Mapping) else {}
+
+
+def _number(value: Any) -> float:
+    """The same where ours says a number: NaN."""
+    try:
+        number = float(value) if isinstance(value, int | float | np.number) else math.nan
+    except OverflowError:
+        return math.nan
+    return number if math.isfinite(number) else math.nan
+
+
 def _above(ratio: float, otherwise: float) -> float:
     """Margin of a ratio that ought to be large."""
-    return otherwise if math.isnan(ratio) else (ratio - 1.0) / (ratio + 1.0) if ratio > 0.0 else SHOULD_BE_WRONG
+    if math.isnan(ratio):
+        return otherwise
+    return 1.0 - 2.0 / (ratio + 1.0) if ratio > 0.0 else SHOULD_BE_WRONG  # of an infinite one, too
 
 
 def _below(ratio: float) -> float:

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 import simcam
-from noise import expected_column_sd
+from noise import expected_column_sd, shown_grey
 from scenarios.build import gamma_field, image_sensor
 from scenarios.scenario import Scenario
 from scenarios.truth import LeakTruth, ShadowColumns, TrueCamera, TrueRig, Truth
@@ -44,7 +44,8 @@ def state_truth(scenario: Scenario, clean: simcam.StereoClip, seen: simcam.Truth
 def column_snr(scenario: Scenario, frames_e: np.ndarray, views: list[simcam.LeakView]) -> list[float]:
     """Noise-free column aggregate at each leak's column over its predicted standard deviation; NaN out of view.
 
-    The aggregate is eq. 3 of the paper on the expected photo-electrons, in grey, the best column within the drop.
+    The aggregate is eq. 3 of the paper on what a noise-free sensor shows, the best column within the drop: what is
+    white stays white whatever falls before it.
     """
     return [_snr_of(scenario, frames_e[:, :, drop_columns(view, frames_e.shape[2])]) for view in views]
 
@@ -55,19 +56,19 @@ def _snr_of(scenario: Scenario, strip_e: np.ndarray) -> float:
     if n_columns == 0:
         return math.nan
     sensor = image_sensor(scenario)
-    median_e = np.median(strip_e, axis=0)
-    profile_grey = np.abs(strip_e - median_e).mean(axis=(0, 1)) / sensor.electrons_per_grey
+    strip_grey = shown_grey(strip_e, sensor)
+    profile_grey = np.abs(strip_grey - np.median(strip_grey, axis=0)).mean(axis=(0, 1))
     best = int(profile_grey.argmax())
     sd_grey = expected_column_sd(
-        float(median_e[:, best].mean()),
+        float(np.median(strip_e[:, :, best], axis=0).mean()),
         gamma_field(scenario),
         sensor,
         exposure_s=scenario.recording.exposure_s,
         n_rows=n_rows,
         n_frames=n_frames,
     )
-    if sd_grey == 0.0:  # every noise is switched off: any signal at all stands out
-        return math.inf if profile_grey[best] > 0.0 else 0.0
+    if sd_grey == 0.0:  # every noise is switched off: what makes a level's difference at all stands out
+        return math.inf if profile_grey[best] * n_rows * n_frames >= 1.0 else 0.0
     return float(profile_grey[best] / sd_grey)
 
 

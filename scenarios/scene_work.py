@@ -125,7 +125,7 @@ def _run(spec: EstimatorSpec, clip: SimulatedClip) -> MethodOutcome:
         return MethodOutcome(spec.text, answer.code, answer.detail, lost, seconds=seconds)
     places_m = tuple((float(leak.x_m), float(leak.y_m)) for leak in answer.leaks)
     scored = score(places_m, clip.truth)
-    codes = outcomes(answer, clip.truth, scored)
+    codes = outcomes(answer, clip.truth, clip.believed_rig, scored)
     leaks = tuple(
         _leak_outcome(leak, clip.truth, codes.leaks[leak.id], _assigned(scored, leak)) for leak in clip.truth.leaks
     )
@@ -157,7 +157,8 @@ def _assigned(scored: Score, leak: LeakTruth) -> Assigned:
 
 def _leak_outcome(leak: LeakTruth, truth: Truth, code: str, assigned: Assigned) -> LeakOutcome:
     wall_m = truth.rig.pedestal_radius_m - math.hypot(leak.x_m, leak.y_m)
-    error_px = None if assigned.error_m is None else assigned.error_m / metres_per_px(truth, leak)
+    metres = metres_per_px(truth, leak)  # none in the cameras' own plane
+    error_px = assigned.error_m / metres if assigned.error_m is not None and metres > 0.0 else None
     return LeakOutcome(
         *(leak.id, leak.x_m, leak.y_m, leak.in_view, leak.observable, wall_m < NEAR_WALL_M, code),
         *(assigned.error_m, error_px, assigned.paper_estimate),

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-from pydantic import BaseModel
+from pydantic import BaseModel, ValidationError
 
 from scenarios.estimators import EstimatorSpec
 from scenarios.failures import failure_codes
@@ -71,14 +71,14 @@ def shrink(scenario: Scenario, code: str | None, codes: Codes, leak: int | None 
     wanted_code = code or there[0]
     known: dict[str, bool] = {}
 
-    apart_m = min(APART_M, least_distance_m(scenario))
+    apart_m = min(APART_M, least_distance_m(scenario))  # of leaks that are drawn as well
 
     def fails(candidate: Scenario) -> bool:
         key = candidate.model_dump_json()
         if key not in known and len(known) >= MAX_TRIED:
             return False
         if key not in known:
-            possible = not violations(candidate) and least_distance_m(candidate) >= apart_m
+            possible = is_possible(candidate) and least_distance_m(candidate) >= apart_m
             known[key] = possible and wanted_code in codes(candidate)
         return known[key]
 
@@ -127,9 +127,24 @@ def complexity(scenario: Scenario) -> tuple[float, ...]:
     return left_open, n_times, len(scenario.leak), len(conditions(scenario)), n_pixels, len(text)
 
 
+def is_possible(scenario: Scenario) -> bool:
+    """Whether a changed scene obeys every rule of scenario files: rounding may have passed a bound."""
+    try:
+        return not violations(Scenario.model_validate(scenario.model_dump()))
+    except ValidationError:
+        return False
+
+
+def _leaks_of(scenario: Scenario) -> Sequence[LeakTable]:
+    """The leaks that are stated, or those that the layout draws."""
+    if scenario.layout is None:
+        return scenario.leak
+    return draw_layout(scenario.layout, scenario.pedestal, scenario.seed)
+
+
 def least_distance_m(scenario: Scenario) -> float:
     """Distance of the two leaks that are nearest to each other; infinite with fewer than two."""
-    leaks = scenario.leak
+    leaks = _leaks_of(scenario)
     gaps = [math.hypot(a.x_m - b.x_m, a.y_m - b.y_m) for i, a in enumerate(leaks) for b in leaks[:i]]
     return min(gaps, default=math.inf)
 
@@ -137,8 +152,7 @@ def least_distance_m(scenario: Scenario) -> float:
 def plainer_scenes(scenario: Scenario, steps: Sequence[Step]) -> Iterator[Scenario]:
     """Yield scenes that may be a step plainer, by the steps in their order, the boldest first."""
     if scenario.layout is not None:  # places first: nothing else can be taken from leaks that are drawn
-        leaks = draw_layout(scenario.layout, scenario.pedestal, scenario.seed)
-        yield scenario.model_copy(update={"layout": None, "leak": leaks})
+        yield scenario.model_copy(update={"layout": None, "leak": _leaks_of(scenario)})
         return
     for step in steps:
         yield from step(scenario)

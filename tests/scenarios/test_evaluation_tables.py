@@ -249,3 +249,9 @@ def test_means_of_ten_scenes_spread_as_much_as_one_wrong_match_makes_them():
     assert middle_m == pytest.approx(0.02)
     assert high_m == pytest.approx(0.02 + 2 * 8.0 / 20)
     assert means_of_sets_m([[0.1], [0.1, 0.1], []] * 10) == pytest.approx((0.1, 0.1, 0.1))
+
+
+def test_a_clip_on_which_a_method_broke_down_counts_as_one_breakdown():
+    crashed = replace(clip(0, [leak(i, 1.0, 0.0, "crash") for i in range(3)], []), outcome="crash", detail="no idea")
+    (row,) = experiment_rows(SEPARATED, [crashed, OTHER])
+    assert row.codes == {"crash": 1, "found": 1}

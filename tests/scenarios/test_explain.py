@@ -3,8 +3,9 @@
 import pytest
 
 from scenarios.estimators import EstimatorSpec
-from scenarios.explain import NOTHING, causes, cures, explain, explain_html, table
+from scenarios.explain import NOTHING, Arm, causes, cures, explain, explain_html, table
 from scenarios.leaks import resolved
+from scenarios.outcome import Outcomes
 from scenarios.scenario_file import read_scenario
 
 pytestmark = pytest.mark.xdist_group("explain")  # one worker: what they share is made once
@@ -67,3 +68,9 @@ def test_without_misalignment_the_paper_finds_what_it_missed_on_a_tilted_rig():
     tilted = read_scenario("plain", [*SMALL[:2], "rig.roll_deg=3.0", "rig.pitch_deg=1.0"])
     arms = list(explain(tilted, PAPER))
     assert "misalignment" in cures(arms)[0]
+
+
+def test_a_breakdown_on_a_scene_without_leaks_is_not_told_as_a_success():
+    arm = Arm(NOTHING, None, None, None, Outcomes({}, {}), "crash", "no idea")
+    assert "found as it is" not in table([arm])
+    assert "crash" in table([arm])

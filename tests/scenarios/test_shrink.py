@@ -181,3 +181,33 @@ def test_a_scene_in_which_nothing_fails_leaves_nothing_behind(tmp_path):
 
 def test_a_default_scenario_says_nothing():
     assert scene_toml(Scenario(), ()) == "\n"
+
+
+def fails_above(field, limit):
+    def codes(scenario):
+        return {MISSED} if getattr(scenario.pedestal, field) > limit else set()
+
+    return codes
+
+
+@pytest.mark.parametrize("value", [0.96, 0.9999])
+def test_rounding_leaves_no_field_beyond_its_bound(value):
+    scene = at(read_scenario("plain"), pedestal={"rust_reflectance": value})
+    shrunk = last(scene, fails_above("rust_reflectance", 0.9)).scenario
+    assert Scenario.model_validate(shrunk.model_dump()) == shrunk
+    assert shrunk.pedestal.rust_reflectance < 1.0
+
+
+def test_a_drip_that_rounding_would_make_impossible_is_left_as_it_is():
+    plain = read_scenario("plain")
+    scene = plain.model_copy(update={"leak": (plain.leak[0].model_copy(update={"drip_jitter": 0.97}),)})
+    shrunk = last(scene, lambda s: {MISSED} if s.leak[0].drip_jitter > 0.9 else set())
+    assert 0.9 < shrunk.scenario.leak[0].drip_jitter < 1.0
+
+
+def test_leaks_that_are_drawn_nearer_than_40_cm_are_shrunk_like_others():
+    near = read_scenario("plain", ["leak=[]", "layout.n_leaks=3", "layout.min_separation_m=0.1"], seed=4)
+    assert least_distance_m(near) < 0.4
+    shrunk = last(near, lambda _: {MISSED}).scenario
+    assert shrunk.layout is None
+    assert len(shrunk.leak) == 1
