@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from leakloc.background import Frames
+from leakloc.rectify import MAX_GROWTH
 from leakloc.rig import Array, Rig
+from leakloc.triangulate import UNDISTORT
 
 VIEWS = ("left", "right")
 SAME_PX = 0.02  # a view that levelling would move by less is used as it is
@@ -90,12 +92,17 @@ def level_pair(rig: Rig) -> LevelPair:
     lenses = ((rig.K1, rig.D1), (rig.K2, rig.D2))
     principal_px = np.array([_principal_px(*lens, turn, rig) for lens, turn in zip(lenses, turns, strict=True)])
     principal_px[:, 1] = principal_px[:, 1].mean()  # the same row in both
+    image_size = rig.image_size
+    if rig.D1.any() or rig.D2.any():
+        ends = [_ends(*lens, turn, rig) for lens, turn in zip(lenses, turns, strict=True)]
+        first_px, image_size = _holding(focal_px * np.array(ends) + principal_px[:, None], rig.image_size)
+        principal_px -= first_px
     maps = tuple(
-        _map(*lens, turn, (focal_px, principal, rig.image_size))
+        _map(*lens, turn, (focal_px, principal, image_size))
         for lens, turn, principal in zip(lenses, turns, principal_px, strict=True)
     )
     baseline_m = float((centres_m[1] - centres_m[0]) @ axes[0])
-    return LevelPair(axes, centres_m, focal_px, principal_px, baseline_m, rig.image_size, maps)
+    return LevelPair(axes, centres_m, focal_px, principal_px, baseline_m, image_size, maps)
 
 
 def levelled_frames(frames: Frames, level: LevelPair, view: int) -> Frames:
@@ -125,6 +132,27 @@ def _principal_px(K: Array, D: Array, turn: Array, rig: Rig) -> Array:
     ray = turn @ np.append(cv2.undistortPoints(middle[None, None], K, D)[0, 0], 1.0)
     focal_px = np.mean([rig.K1[0, 0], rig.K2[0, 0]])
     return np.asarray(middle - focal_px * ray[:2] / ray[2])
+
+
+def _ends(K: Array, D: Array, turn: Array, rig: Rig) -> Array:
+    """Slopes (4, 2) at which the level camera sees the ends of the raw image's middle row and column."""
+    width, height = rig.image_size
+    middle = (width - 1) / 2, (height - 1) / 2
+    ends = np.array([[0, middle[1]], [width - 1, middle[1]], [middle[0], 0], [middle[0], height - 1]])
+    straight = cv2.undistortPoints(ends[:, None], K, D, R=turn, criteria=UNDISTORT)[:, 0]
+    return np.asarray(straight, dtype=np.float64)
+
+
+def _holding(ends_px: Array, size_px: tuple[int, int]) -> tuple[Array, tuple[int, int]]:
+    """First column and row, and size, of an image that holds both views' ends (2, 4, 2): a barrel lens sees beyond it.
+
+    It never shrinks, and grows to MAX_GROWTH at most.
+    """
+    size, room = np.array(size_px), (MAX_GROWTH - 1) / 2 * np.array(size_px)
+    first = np.floor(np.clip(np.nanmin(ends_px, axis=(0, 1)), -room, 0.0))
+    last = np.ceil(np.clip(np.nanmax(ends_px, axis=(0, 1)), size - 1, size - 1 + room))
+    width, height = (last - first).astype(int) + 1
+    return first, (int(width), int(height))
 
 
 def _map(

@@ -56,11 +56,12 @@ def upright(activity: Activity, columns_px: Array) -> Activity:
 
 
 def level_under(rig: Rig, believed: LevelPair, tilt_rad: Array) -> LevelPair:
-    """The level pair of the tilted rig, with the believed one's focal length and principal points."""
+    """The level pair of the tilted rig, with the believed one's focal length, principal points and size."""
     return replace(
         level_pair(tilted_rig(rig, believed, tilt_rad)),
         focal_px=believed.focal_px,
         principal_px=believed.principal_px,
+        image_size=believed.image_size,
         maps=believed.maps,
     )
 

@@ -1,10 +1,12 @@
 """Level views, tilt, glints and shadows: laws of geometry that the robust method stands on."""
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from leakloc import locate
 from leakloc.glints import WATER_INDEX, glint_offsets, reflectance
 from leakloc.levelled import level_pair
 from leakloc.shadows import penumbra_m, shadow_places
@@ -38,6 +40,43 @@ def test_a_level_rig_needs_no_remapping_and_a_tilted_one_does(make_rig):
     level = level_pair(rig)
     assert level.maps == (None, None)
     assert None not in level_pair(tilted_rig(rig, level, np.radians([1.0, 0.0]))).maps
+
+
+@given(k1=st.floats(-0.3, 0.1), tilt_deg=tilts_deg, place_m=places)
+def test_the_level_view_holds_what_the_raw_middle_row_sees_whatever_the_lens(make_rig, k1, tilt_deg, place_m):
+    lens = np.array([k1, 0.0, 0.0, 0.0, 0.0])
+    rig = make_rig(D1=lens, D2=lens)
+    believed = level_pair(rig)
+    upright = level_under(rig, believed, np.radians(tilt_deg))
+    assert upright.image_size == believed.image_size  # one picture, whatever the tilt turns out to be
+    assert (np.array(believed.image_size) >= rig.image_size).all()
+    np.testing.assert_allclose(believed.places_of(believed.columns_of([place_m]))[0], place_m, atol=1e-9)
+    ends = np.array([[0.0, 269.5], [959.0, 269.5], [479.5, 0.0], [479.5, 539.0]])
+    for view, K in enumerate((rig.K1, rig.K2)):
+        straight = cv2.undistortPoints(ends[:, None], K, lens, criteria=(3, 100, 1e-12))[:, 0]
+        seen_px = believed.focal_px * straight + believed.principal_px[view]
+        assert (seen_px > -1e-6).all()
+        assert (seen_px < np.array(believed.image_size) - 1 + 1e-6).all()
+
+
+def test_behind_a_barrel_lens_a_leak_at_the_side_is_found(make_rig):
+    lens = np.array([-0.3, 0.0, 0.0, 0.0, 0.0])
+    rig = make_rig(480, 270, D1=lens, D2=lens)
+    # a column of the raw image is no plumb line away from its middle: the drops are drawn where the lens shows them
+    place_m, rng = np.array([0.0, 1.6]), np.random.default_rng(3)
+    views = [rng.normal(60.0, 1.0, (10, 270, 480)) for _ in range(2)]
+    for frame in range(10):
+        line_m = np.column_stack([np.tile(place_m, (12, 1)), 0.9 - 0.17 * frame - 0.004 * np.arange(12)])
+        for view, motion, K in zip(views, (rig.left_from_frame, rig.right_from_frame), (rig.K1, rig.K2), strict=True):
+            camera_m = line_m @ motion[:3, :3].T + motion[:3, 3]
+            spots = cv2.projectPoints(camera_m[:, None], np.zeros(3), np.zeros(3), K, lens)[0][:, 0]
+            for column, row in spots:
+                if 2 <= row < 267:
+                    view[frame, int(row) - 2 : int(row) + 3, round(column) - 1 : round(column) + 2] = 110.0
+    left, right = (np.clip(np.rint(view), 0, 255).astype(np.uint8) for view in views)
+    (leak,) = locate(left, right, rig).leaks
+    assert (leak.x_m, leak.y_m) == pytest.approx(tuple(place_m), abs=0.05)
+    assert leak.right_column_px < 30  # of a picture that began at column 36 before
 
 
 @given(places, tilts_deg, st.floats(-0.8, 0.8), st.sampled_from([0, 1]))
