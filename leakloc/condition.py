@@ -14,6 +14,7 @@ from leakloc.signature import signature
 from leakloc.streaks import Streaks
 from leakloc.tracks import Track
 
+WHITES = (1023, 4095, 16383, 65535)  # of 10, 12, 14 and 16 bits
 STEP_PX = 7  # every seventh row and column tells a frame's exposure
 DARK_SHARE = 0.01  # of full scale: a median image below it is covered, or unlit
 SATURATED_SHARE = 0.5  # of the pixels at full scale
@@ -43,8 +44,16 @@ def _equal(frame: Frames, before: Frames, sample: Frames, sample_before: Frames)
     return bool(np.array_equal(sample, sample_before) and np.array_equal(frame, before))
 
 
+def full_scale(frames: Frames) -> int:
+    """White of frames: 255, or of more than 8 bits the least of WHITES that their brightest pixel allows."""
+    if frames.dtype == np.uint8:
+        return 255
+    brightest = int(frames.max(initial=0))
+    return next(white for white in WHITES if brightest <= white)
+
+
 def _state(sample: Frames, *, frozen: bool) -> str:
-    full = np.iinfo(sample.dtype).max
+    full = full_scale(sample)
     if (sample == full).mean() > SATURATED_SHARE:
         return SATURATED
     if np.median(sample) < DARK_SHARE * full:

@@ -78,7 +78,8 @@ def _best_root(samples: Sequence[tuple[NDArray[np.float32], NDArray[np.float32]]
 def stereo_step(views: Sequence[Streaks]) -> dict[str, float]:
     """Frames by which the right view lags the left one: the shift in time at which they agree best.
 
-    `frames` is 0 unless another shift agrees clearly better; `sigmas` and `sigmas_unshifted` are the best pair's.
+    `frames` is 0 unless another shift agrees clearly better; `sigmas` and `sigmas_unshifted` are the best pair's, NaN
+    where a clip is too short and too low to tell.
     """
     left, right = (_samples(view.activity, FOLDS[-1]) for view in views)
     kept = left.shape[1] // STEP_COLUMNS * STEP_COLUMNS
@@ -92,6 +93,8 @@ def stereo_step(views: Sequence[Streaks]) -> dict[str, float]:
         early, late = max(0, -shift) * bands, max(0, shift) * bands
         pair = left[early : len(left) - late], right[late : len(right) - early]
         tops[shift] = float(_signed_root(*pair).max()) if len(pair[0]) >= LEAST_SAMPLES else -np.inf
+    if tops[0] == -np.inf:
+        return {"frames": 0, "sigmas": float("nan"), "sigmas_unshifted": float("nan")}
     best = max(tops, key=lambda shift: tops[shift])
     shifted = tops[best] > STEP_GAIN * tops[0] and tops[best] > STEP_SIGMAS
     return {"frames": best if shifted else 0, "sigmas": tops[best], "sigmas_unshifted": tops[0]}

@@ -118,12 +118,18 @@ def _is_image(name: str) -> bool:
 
 def _numeric_order(name: str) -> tuple[list[tuple[str, int]], str]:
     """Texts and numbers of a name in turn, then the name itself: its numbers decide whatever their zeros in front."""
-    parts = re.findall(r"(\D*)(\d*)", Path(name).stem)
+    stem = Path(name).stem
+    if clock := re.fullmatch(r"(\D*)(\d{1,100})\.(\d{1,100})", stem):  # seconds: of .5 and .25 the second is earlier
+        return [(clock[1], int(clock[2])), (".", int(clock[3].ljust(100, "0")))], name
+    parts = re.findall(r"(\D*)(\d*)", stem)
     return [(text, int(digits or -1) if len(digits) <= 100 else 0) for text, digits in parts], name
 
 
 def _check_count(folder: Path, images: list[str]) -> None:
     numbers = [re.findall(r"\d+", Path(name).stem)[-1:] for name in images]
+    if any(numbers) and not all(numbers):
+        odd = next(name for name, found in zip(images, numbers, strict=True) if not found)
+        raise ClipError(f"{folder / odd}: must have a number in its name, as the other images of its folder have")
     if len(images) < MIN_FRAMES or not all(numbers) or max(len(found[0]) for found in numbers) > 18:
         return  # 18 digits hold any count, and any clock
     steps = np.diff([int(found[0]) for found in numbers])

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from leakloc.background import Frames
 from leakloc.rectify import MAX_GROWTH
-from leakloc.rig import Array, Rig
+from leakloc.rig import Array, Rig, RigError
 from leakloc.triangulate import UNDISTORT
 
 VIEWS = ("left", "right")
@@ -82,7 +82,7 @@ def _slopes(function: Callable[[Array], Array], at: Array) -> Array:
 def level_pair(rig: Rig) -> LevelPair:
     """The level rig that stands where the believed rig stands (z of the frame is up).
 
-    Raises ValueError if the baseline is steep: plumb lines seen from two heights of one place give no depth.
+    Raises RigError if the baseline is steep: plumb lines seen from two heights of one place give no depth.
     """
     from_frame = (rig.left_from_frame, rig.right_from_frame)
     centres_m = np.array([-motion[:3, :3].T @ motion[:3, 3] for motion in from_frame])
@@ -118,7 +118,7 @@ def _level_axes(centres_m: Array, from_frame: tuple[Array, Array]) -> Array:
     baseline_m = centres_m[1] - centres_m[0]
     level_m = baseline_m - (baseline_m @ UP) * UP
     if np.linalg.norm(level_m) < LEAST_HORIZONTAL * np.linalg.norm(baseline_m):
-        raise ValueError(f"locate: the baseline must be more level than steep, got {baseline_m.tolist()} m (z is up)")
+        raise RigError(f"locate: the baseline must be more level than steep, got {baseline_m.tolist()} m (z is up)")
     right = level_m / np.linalg.norm(level_m)
     forward = np.cross(right, -UP)
     if forward @ (from_frame[0][2, :3] + from_frame[1][2, :3]) < 0:  # views are swapped

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,10 @@ from leakloc.outside_file import check_depth
 from leakloc.rig import RigError
 
 MAX_YAML_CHARACTERS = 1 << 16  # a calibration has about 2000; the parser takes a second for this many
+
+
+LAST_MARK = re.compile(r"\n(---|\.\.\.)\s*\Z")
+"""What ROS's command line ends a message with: the mark of another document, which does not come."""
 
 
 class _Loader(yaml.SafeLoader):
@@ -33,7 +38,7 @@ def load_mapping(text: str) -> dict[str, Any]:
     if len(text) > MAX_YAML_CHARACTERS:
         raise RigError(f"must have at most {MAX_YAML_CHARACTERS} characters, got {len(text)}")
     try:
-        content = yaml.load(text, _Loader)  # a SafeLoader
+        content = yaml.load(LAST_MARK.sub("\n", text), _Loader)  # a SafeLoader
     except RecursionError:
         raise RigError("not YAML: nested too deeply") from None
     except (yaml.YAMLError, ValueError, TypeError) as error:  # the last two: odd numbers, odd keys

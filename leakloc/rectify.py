@@ -157,7 +157,7 @@ def rectified_rig(rig: Rig) -> tuple[Rig, tuple[StraightView, StraightView]]:
     )
     undistorted = np.zeros(5)
     straight = replace(
-        rig,
+        rig.of_known_place(),
         K1=views[0].K_rectified,
         D1=undistorted,
         K2=views[1].K_rectified,

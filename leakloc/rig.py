@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -93,6 +93,10 @@ class Rig:
         right_from_left = np.eye(4)
         right_from_left[:3, :3], right_from_left[:3, 3] = self.R, self.T
         return right_from_left @ self.left_from_frame
+
+    def of_known_place(self) -> Rig:
+        """This rig; without `world_from_left` less its lamps and wall, for where their world is nobody knows."""
+        return self if self.world_from_left is not None else replace(self, lamps=None, pedestal_radius=None)
 
     @property
     def P1(self) -> Array:  # noqa: N802

@@ -34,7 +34,7 @@ SYSTEMATIC_RADII = 0.012  # of a drop's column: what it shows of the walls is no
 SYSTEMATIC_RADII_BESIDE = 0.03  # where a shadow stands beside it
 SYSTEMATIC_RADII_UNTOLD = 0.1  # where the lamps are unknown, and with them where the glints lie
 LEVEL_ROUNDS = 3
-LINE_REACH_M, LINE_POINTS = 1.0, 81  # of a plumb line above and below the cameras, to see where it crosses mid-row
+LINE_REACH, LINE_POINTS = 0.4, 81  # share of the distance that a plumb line is asked about mid-row, both ways
 SETTLED_RAD = np.radians(0.03)  # half a pixel between the top and the bottom of an image of 1000 rows
 
 
@@ -57,6 +57,7 @@ def locate_robustly(left: Frames, right: Frames, rig: Rig, expected_false_leaks:
     `threshold_sigmas` (at the far wall, where it is least), `noise_grey`, and `lines`, each with its columns, place,
     significance, polarity and `verdict`: "leak" or the reason why not.
     """
+    rig = rig.of_known_place()
     believed = level_pair(rig)
     condition = describe_clip(left, right)
     left, right = (alike_frames(frames, condition) for frames in (left, right))
@@ -141,13 +142,19 @@ def raw_columns(place_m: Array, rig: Rig) -> tuple[float, float]:
 
     rig: as it stands, its tilt included.
     """
-    heights_m = LINE_REACH_M * np.linspace(-1.0, 1.0, LINE_POINTS)
-    line_m = np.column_stack([np.broadcast_to(place_m, (LINE_POINTS, 2)), heights_m])
+    wanted = (rig.image_size[1] - 1) / 2
     columns = []
     for motion, K, D in ((rig.left_from_frame, rig.K1, rig.D1), (rig.right_from_frame, rig.K2, rig.D2)):
-        camera_m = line_m @ motion[:3, :3].T + motion[:3, 3]
-        seen = cv2.projectPoints(camera_m[:, None], np.zeros(3), np.zeros(3), K, D)[0][:, 0]
-        wanted, order = (rig.image_size[1] - 1) / 2, np.argsort(seen[:, 1])
+        foot_m, up = motion[:3] @ np.append(place_m, [0.0, 1.0]), motion[:3, 2]  # of the line, in the camera's frame
+        slope = (wanted - K[1, 2]) / K[1, 1]  # that the row has without distortion: there the line crosses it, nearly
+        height_m = (slope * foot_m[2] - foot_m[1]) / (up[1] - slope * up[2])
+        middle_m = foot_m + height_m * up
+        line_m = middle_m + LINE_REACH * middle_m[2] * np.linspace(-1.0, 1.0, LINE_POINTS)[:, None] * up
+        if not (np.isfinite(line_m).all() and line_m[:, 2].min() > 0.0):
+            columns.append(float("nan"))
+            continue
+        seen = cv2.projectPoints(line_m[:, None], np.zeros(3), np.zeros(3), K, D)[0][:, 0]
+        order = np.argsort(seen[:, 1])
         crosses = seen[order[0], 1] <= wanted <= seen[order[-1], 1]
         columns.append(float(np.interp(wanted, seen[order, 1], seen[order, 0])) if crosses else float("nan"))
     return columns[0], columns[1]

@@ -25,13 +25,15 @@ def main() -> int:
         return NO_VIDEO
     video.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)  # a calibration is of the pixels as the sensor has them
     grey = {int.from_bytes(code, "little") for code in (b"Y800", b"GREY", b"Y1\x00\x10")}  # 8 bit, 8 bit, 16 bit
-    if int(video.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT)) in grey:
+    pixels = int(video.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT)).to_bytes(4, "little", signed=True)
+    if int.from_bytes(pixels, "little") in grey:
         video.set(cv2.CAP_PROP_CONVERT_RGB, 0)  # would lose the lower 8 of 16 bits
     _tell(
         frames,
         size=[int(video.get(side)) for side in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)],
         n_frames=video.get(cv2.CAP_PROP_FRAME_COUNT),
         fps=video.get(cv2.CAP_PROP_FPS),
+        grey_bits=pixels[3] if pixels[:3] == b"Y1\x00" else None,
     )
     for _ in range(int(sys.argv[2])):
         try:
@@ -40,7 +42,7 @@ def main() -> int:
             break
         if not decoded:
             break
-        _tell(frames, shape=image.shape, dtype=image.dtype.str)
+        _tell(frames, shape=image.shape, dtype=image.dtype.str, at_ms=video.get(cv2.CAP_PROP_POS_MSEC))
         frames.write(image.tobytes())
     frames.close()
     return 0

@@ -37,6 +37,7 @@ ENVIRONMENT = {
     "OPENCV_LOG_LEVEL": "OFF",
 }
 COMPLAINT = re.compile(rb"\[OPENCV:FFMPEG:\d+\]\s*([^\r\n\[]*)")
+LAST_FRAME_STEPS = 1.5  # mean steps from the last frame within which a whole video ends: one more is missed at 2
 MAX_LOG_BYTES, MAX_COMPLAINT = 4096, 80
 
 Size = tuple[int, int]
@@ -55,14 +56,18 @@ def video_frames(
         if not all(0 < side <= MAX_SIDE_PX for side in video.size_px):
             raise ValueError(f"video must be 1 to {MAX_SIDE_PX} px wide and high, got {video.size_px}")
         check_size(video.size_px)
+        if video.grey_bits not in (None, 16):
+            raise ValueError(
+                f"grey of {video.grey_bits} bits would be decoded to 8: give it as grey of 16 bits, or as PNG images"
+            )
         frames: list[NDArray[Any]] = []
         for frame in _grey(video):
             if (len(frames) + 1) * frame.nbytes > max_bytes or len(frames) == max_frames:
                 raise ValueError(f"video must have at most {max_frames} frames and {max_bytes} bytes decoded")
             frames.append(frame)
-        _check_announced(len(frames), video.n_frames)
+        even = _check_announced(len(frames), video)
         video.check_undamaged()
-    return np.stack(frames), video.fps if math.isfinite(video.fps) and video.fps > 0 else math.nan
+    return np.stack(frames), video.fps if even and math.isfinite(video.fps) and video.fps > 0 else math.nan
 
 
 def video_size(path: Path) -> Size:
@@ -89,15 +94,20 @@ class _Log:
         return self._start
 
 
-@dataclass(frozen=True)
+@dataclass
 class _Video:
-    """A video that is being decoded: what its container announces, its decoder, and what that complains of."""
+    """A video that is being decoded: what its container announces, its decoder, and what that complains of.
+
+    `grey_bits` of grey with more than 8 bits, else None; `last_ms` is the time of the last frame decoded.
+    """
 
     size_px: Size
     n_frames: float
     fps: float
+    grey_bits: int | None
     decoder: subprocess.Popen[bytes]
     log: _Log
+    last_ms: float = math.nan
 
     def frames(self) -> Iterator[NDArray[Any]]:
         """Yield frames (height, width[, channels]) as they are decoded."""
@@ -107,6 +117,7 @@ class _Video:
             frame = np.empty(told["shape"], dtype=told["dtype"])
             if self.decoder.stdout.readinto(frame.reshape(-1).view(np.uint8)) < frame.nbytes:  # type: ignore[attr-defined]
                 break
+            self.last_ms = told["at_ms"]
             yield frame
         if self.decoder.wait() != 0:
             raise ValueError("damaged video: its decoder broke down")
@@ -136,7 +147,7 @@ def _decoding(path: Path, n_frames: int) -> Iterator[_Video]:
             if not head:
                 raise ValueError(_why_nothing(decoder.wait(), log.whole()))
             told = json.loads(head)
-            yield _Video((told["size"][0], told["size"][1]), told["n_frames"], told["fps"], decoder, log)
+            yield _Video(tuple(told["size"]), told["n_frames"], told["fps"], told["grey_bits"], decoder, log)
         finally:
             decoder.kill()
             log.whole()  # its reader ends before the pipe is closed
@@ -172,8 +183,20 @@ def _grey(video: _Video) -> Iterator[NDArray[Any]]:
         yield frame
 
 
-def _check_announced(decoded: int, announced: float) -> None:
+def _check_announced(decoded: int, video: _Video) -> bool:
+    """Refuse a video that ends early; returns whether its frames are as many as its rate and duration make them.
+
+    Some containers announce a duration alone, and a recorder may drop frames or change its pace: a video that is whole
+    has a last frame that lasts to its end.
+    """
     if decoded == 0:
         raise ValueError("truncated or damaged video: no frame can be decoded")
-    if math.isfinite(announced) and decoded < announced:
-        raise ValueError(f"truncated or damaged video: announces {announced:.0f} frames, {decoded} can be decoded")
+    if not math.isfinite(video.n_frames) or decoded >= video.n_frames:
+        return True
+    step_ms = video.last_ms / (decoded - 1) if decoded > 1 else 0.0
+    if video.fps > 0 and video.last_ms + LAST_FRAME_STEPS * step_ms >= 1000.0 * video.n_frames / video.fps:
+        return False
+    raise ValueError(
+        f"truncated or damaged video: announces {video.n_frames:.0f} frames, {decoded} can be decoded; if these will "
+        "do, give them as PNG images"
+    )

@@ -27,8 +27,8 @@ def panned(rig: Rig, pan_deg: float) -> Rig:
     """The rig turned on its base about the vertical through the middle of its baseline; + turns left.
 
     Positions got with it are in the frame of `rig` itself: the world, or without `world_from_left` the level frame of
-    the left camera before the turn, which the result then holds as its `world_from_left` whatever the angle. Lamps
-    stay where they are. Raises ValueError if the angle is not finite.
+    the left camera before the turn, which the result then holds as its `world_from_left` whatever the angle, without
+    lamps and wall. Lamps stay where they are. Raises ValueError if the angle is not finite.
     """
     if not np.isfinite(pan_deg):
         raise ValueError(f"panned: pan_deg must be finite, got {pan_deg}")
@@ -38,7 +38,7 @@ def panned(rig: Rig, pan_deg: float) -> Rig:
     turn = np.eye(4)
     turn[:2, :2] = [[cos, -sin], [sin, cos]]
     turn[:3, 3] = middle - turn[:3, :3] @ middle
-    return replace(rig, world_from_left=turn @ rig.frame_from_left)
+    return replace(rig.of_known_place(), world_from_left=turn @ rig.frame_from_left)
 
 
 @dataclass(frozen=True, eq=False)

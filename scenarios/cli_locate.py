@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+import numpy as np
 
 from scenarios.cli_options import FILE, FiniteRange, clear_errors
 from scenarios.clip_folder import has_manifest, verify_input
@@ -17,7 +18,7 @@ from scenarios.output_folder import OutputError, check_target, write_file
 from scenarios.score import nulled
 
 if TYPE_CHECKING:
-    from leakloc import Clip, Estimate
+    from leakloc import Clip, Estimate, Rig
 
 METHODS = ("robust", "paper")
 PATHS = "CLIP | LEFT RIGHT | VIEW..."
@@ -46,7 +47,7 @@ class ManyValues(click.Command):
 @click.option("--pan", "pans", metavar="DEG...", help="Pan angle of each VIEW, + left: --pan -40 0 40.")
 @click.option("-o", "--output", "destination", type=FILE, help="Write result.json here.")
 @click.option("--figure", type=FILE, help="Write a page with pictures here.")
-@click.option("--expected-false-leaks", type=FiniteRange(0.0, 1.0, min_open=True), default=0.05, show_default=True)
+@click.option("--expected-false-leaks", type=FiniteRange(0.0, 1.0, min_open=True), help="robust: a clip [0.05].")
 @click.option("--k-sigma", type=FiniteRange(min=0.0), help="paper: threshold, mean + k standard deviations [2].")
 @click.option("--g-win", type=click.IntRange(0, 4096), help="paper: non-maximum suppression, columns each way [10].")
 @click.option("--subtractor", type=click.Choice(["median", "mean", "mog2"]), help="paper: background [median].")
@@ -94,7 +95,7 @@ def _views(paths: tuple[Path, ...], options: dict[str, Any]) -> list[Clip]:
     import leakloc
 
     if options["rigs"]:
-        if len(paths) != 2 or options["pans"]:
+        if len(paths) != 2 or options["pans"] is not None:
             raise click.UsageError("--rig goes with two paths, LEFT and RIGHT, and without --pan")
         for path in paths:
             verify_exported(path)
@@ -107,7 +108,17 @@ def _views(paths: tuple[Path, ...], options: dict[str, Any]) -> list[Clip]:
         if path.is_dir() and has_manifest(path):
             verify_input(path)
     clips = [leakloc.read_clip(path) for path in paths]
-    return clips if not options["pans"] else _turned(clips, options["pans"])
+    if len({clip.rig.frame for clip in clips}) > 1:
+        raise click.UsageError("of several views all must state world_from_left, or none")
+    if options["pans"] is not None:
+        return _turned(clips, options["pans"])
+    if len(clips) > 1 and all(_stand_alike(clips[0].rig, other.rig) for other in clips[1:]):
+        raise click.UsageError("the rigs of all views stand alike: --pan must say how they turned (0 for not at all)")
+    return clips
+
+
+def _stand_alike(one: Rig, other: Rig) -> bool:
+    return bool(np.array_equal(one.frame_from_left, other.frame_from_left))
 
 
 def _turned(clips: list[Clip], pans: str) -> list[Clip]:
@@ -130,15 +141,18 @@ def _located(view: Clip, options: dict[str, Any]) -> Estimate:
 
     given = {"k_sigma": options["k_sigma"], "g_win_px": options["g_win"], "subtractor": options["subtractor"]}
     papers = {name: value for name, value in given.items() if value is not None}
+    expected = options["expected_false_leaks"]
     if options["method"] == "paper":
+        if expected is not None:
+            raise click.UsageError("--expected-false-leaks belongs to --method robust")
         straight = leakloc.rectify(view.left, view.right, view.rig)  # the paper's columns must be plumb
         chosen = leakloc.PaperOptions(**papers)
         found = leakloc.locate(straight.left, straight.right, straight.rig, method="paper", options=chosen)
         return straight.estimate_of_raw(found)
     if papers:
         raise click.UsageError("--k-sigma, --g-win and --subtractor belong to --method paper")
-    expected = options["expected_false_leaks"]
-    return leakloc.locate(view.left, view.right, view.rig, method=options["method"], expected_false_leaks=expected)
+    robusts = {} if expected is None else {"expected_false_leaks": expected}
+    return leakloc.locate(view.left, view.right, view.rig, method=options["method"], **robusts)
 
 
 def _fused(estimates: list[Estimate]) -> Estimate:

@@ -10,6 +10,7 @@ import numpy as np
 
 from leakloc import Clip, Estimate, LeakEstimate
 from leakloc.background import temporal_median
+from leakloc.condition import full_scale
 from scenarios import figures
 from scenarios.condition import condition_table
 from scenarios.score import Pair, Score, table
@@ -154,7 +155,9 @@ def _found_cells(pair: Pair | None, places: list[tuple[float, float]]) -> str:
 def _frames(left: np.ndarray, right: np.ndarray) -> str:
     number = len(left) // 2
     pictures, residuals = [], []
-    for side, frames in (("Left", left), ("Right", right)):
+    deeper_bits = max(full_scale(left), full_scale(right)).bit_length() - 8
+    for side, view in (("Left", left), ("Right", right)):
+        frames = (view >> deeper_bits).astype(np.uint8) if deeper_bits else view
         gain = figures.display_gain(frames[number])
         pictures.append(
             _picture(figures.frame_png(frames[number], gain), f"{side}, frame {number}{figures.brightened(gain)}")

@@ -169,14 +169,15 @@ def test_a_pair_of_ros_camera_infos_gives_the_rig(tmp_path):
     check_the_rig(read_calibration(written(tmp_path, left=ros(LEFT), right=ros(RIGHT))), 5)
 
 
+@pytest.mark.parametrize("end", ["", "---\n", "---", "...\n"])
 @pytest.mark.parametrize("keys", [("K", "D", "R", "P"), ("k", "d", "r", "p")])
-def test_dumped_camera_info_messages_give_the_rig(tmp_path, keys):
+def test_dumped_camera_info_messages_give_the_rig(tmp_path, keys, end):
     def message(camera):
         K, D, R, P = keys
         return (
             f"height: 480\nwidth: 640\ndistortion_model: plumb_bob\n{D}: [{camera['D']}, 0.0]\n"
             f"{K}: [{camera['fx']}, 0, {camera['cx']}, 0, {camera['fy']}, {camera['cy']}, 0, 0, 1]\n{R}: [{STRAIGHT}]\n"
-            f"{P}: [680, 0, 315, {camera['shift']}, 0, 680, 245, 0, 0, 0, 1, 0]\n"
+            f"{P}: [680, 0, 315, {camera['shift']}, 0, 680, 245, 0, 0, 0, 1, 0]\n{end}"
         )
 
     check_the_rig(read_calibration(written(tmp_path, left=message(LEFT), right=message(RIGHT))), 5)

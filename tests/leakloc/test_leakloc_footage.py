@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from matroska import write_matroska
 
 from leakloc import ClipError, video_decoder
 from leakloc.footage import footage_size, image_paths, read_footage
 from leakloc.image_file import image_size_of
+from leakloc.video_file import video_frames
 
 N, H, W = 5, 48, 64
 LOSSLESS = ("png", "tif", "bmp", "pgm")
@@ -428,3 +430,54 @@ def test_damaged_and_truncated_videos_leave_the_terminal_quiet(tmp_path, make_ri
     assert len(said) == 4
     for name, line in zip(names, said, strict=True):
         assert name in line
+
+
+EVEN_MS = [round(k * 1000 / 12) for k in range(24)]
+UNEVEN_MS = [round(k * 1000 / 12 + 25 * np.sin(k)) for k in range(24)]
+SLOWER_MS = EVEN_MS[:12] + [917 + 125 * k for k in range(1, 13)]
+
+
+@pytest.mark.parametrize(
+    ("times_ms", "step_ms"),
+    [(EVEN_MS[:10] + EVEN_MS[11:], 1000 / 12), (UNEVEN_MS, None), (SLOWER_MS, 1000 / 12)],
+    ids=["a frame was dropped", "no pace", "slows down"],
+)
+def test_a_video_whose_frames_are_no_multiple_of_its_pace_is_whole_and_states_no_rate(tmp_path, times_ms, step_ms):
+    frames = grey(n=len(times_ms))[0]
+    path = tmp_path / "recorded.mkv"
+    write_matroska(path, frames, times_ms, duration_ms=times_ms[-1] + 83, step_ms=step_ms)
+    decoded, fps = video_frames(path, 100, 1 << 30)
+    assert np.array_equal(decoded, frames)
+    assert np.isnan(fps)
+
+
+@pytest.mark.parametrize("missing", [1, 2, 12])
+def test_a_video_that_ends_before_its_duration_is_truncated(tmp_path, missing):
+    frames, times_ms = grey(n=24)[0][:-missing], EVEN_MS[:-missing]
+    path = write_matroska(tmp_path / "cut.mkv", frames, times_ms, duration_ms=2000, step_ms=1000 / 12)
+    with pytest.raises(ValueError, match=f"announces 24 frames, {24 - missing} can be decoded; .* PNG images"):
+        video_frames(path, 100, 1 << 30)
+
+
+@pytest.mark.parametrize("bits", [10, 12, 14])
+def test_grey_that_would_lose_its_lower_bits_is_refused(tmp_path, bits):
+    frames = grey(np.uint16, n=5)[0] >> (16 - bits)
+    fourcc = b"Y1\0" + bytes([bits])
+    path = write_matroska(tmp_path / "deep.mkv", frames, EVEN_MS[:5], duration_ms=417, step_ms=1000 / 12, fourcc=fourcc)
+    with pytest.raises(ValueError, match=f"grey of {bits} bits would be decoded to 8"):
+        video_frames(path, 100, 1 << 30)
+
+
+def test_an_image_without_a_number_among_numbered_ones_is_refused_and_hides_no_gap(tmp_path):
+    for name in ("0", "1", "2", "5", "6", "background"):
+        (tmp_path / f"{name}.png").touch()
+    with pytest.raises(ClipError, match=r"background\.png: must have a number in its name"):
+        image_paths(tmp_path)
+
+
+@given(st.lists(st.floats(1.6e9, 2e9), min_size=2, max_size=8, unique=True), st.sampled_from(["", "left_"]))
+def test_decimal_clock_times_come_in_the_order_of_time(tmp_path_factory, times_s, prefix):
+    folder = tmp_path_factory.mktemp("clock")
+    for time_s in times_s:
+        (folder / f"{prefix}{time_s}.png").touch()
+    assert [path.name for path in image_paths(folder)] == [f"{prefix}{time_s}.png" for time_s in sorted(times_s)]

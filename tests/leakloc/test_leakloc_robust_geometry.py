@@ -1,19 +1,24 @@
 """Level views, tilt, glints and shadows: laws of geometry that the robust method stands on."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from leakloc import locate
+from leakloc import RigError, locate, panned
 from leakloc.glints import WATER_INDEX, glint_offsets, reflectance
 from leakloc.levelled import level_pair
+from leakloc.rectify import rectified_rig
+from leakloc.robust import raw_columns
 from leakloc.shadows import penumbra_m, shadow_places
 from leakloc.tilt import leaning_columns, level_under, tilted_rig
 from leakloc.triangulate import column_planes, meet_at_camera_height
 
 places = st.tuples(st.floats(-1.5, 2.4), st.floats(-1.5, 1.5))
+seen_places = st.tuples(st.floats(0.0, 2.4), st.floats(-0.8, 0.8))
 tilts_deg = st.tuples(st.floats(-3, 3), st.floats(-3, 3))
 
 
@@ -164,3 +169,54 @@ def test_a_leak_beyond_the_wall_throws_no_shadow():
 def test_a_lamp_half_way_to_the_wall_smears_by_its_own_radius():
     blur_m, magnified = penumbra_m(np.zeros(2), np.array([2.4, 0.0]), np.array([-2.4, 0.0]), 0.1)
     assert (blur_m, magnified) == (pytest.approx(0.1), pytest.approx(2.0))
+
+
+@given(seen_places, st.floats(-10, 30), st.floats(-2.0, 3.0), st.sampled_from([0.0, -0.2]))
+def test_the_columns_of_a_leak_are_where_its_line_crosses_the_middle_row_however_the_rig_looks(
+    make_rig, place_m, pitch_deg, camera_z_m, k1
+):
+    lens = np.array([k1, 0.0, 0.0, 0.0, 0.0])
+    upright = make_rig(D1=lens, D2=lens)
+    pose = np.array(upright.frame_from_left)
+    cos, sin = np.cos(np.radians(pitch_deg)), np.sin(np.radians(pitch_deg))
+    pose[:3, :3] = np.array([[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]]) @ pose[:3, :3]
+    pose[2, 3] = camera_z_m
+    rig = replace(upright, world_from_left=pose)
+    columns = raw_columns(np.array(place_m), rig)
+    for column, motion, K in zip(columns, (rig.left_from_frame, rig.right_from_frame), (rig.K1, rig.K2), strict=True):
+        x, y = cv2.undistortPoints(np.array([[[column, 269.5]]]), K, lens, criteria=(3, 100, 1e-12))[0, 0]
+        foot_m, up = motion[:3] @ [*place_m, 0.0, 1.0], motion[:3, 2]
+        # the ray through the pixel lies in the plane of the line and the camera
+        assert np.dot(np.cross(foot_m, up), [x, y, 1.0]) == pytest.approx(0.0, abs=2e-3 * np.linalg.norm(foot_m))
+
+
+def test_without_a_pose_lamps_and_wall_stand_nowhere_and_count_for_nothing(make_rig):
+    lamps = [[-2.3, 0.0, 0.4, 0.1]]
+    rig = make_rig(world_from_left=None, lamps=lamps, pedestal_radius=2.5)
+    for one in (rig.of_known_place(), panned(rig, 0.0), rectified_rig(replace(rig, D1=[0.01, 0, 0, 0, 0]))[0]):
+        assert one.lamps is None
+        assert one.pedestal_radius is None
+    placed = make_rig(lamps=lamps, pedestal_radius=2.5)
+    assert placed.of_known_place() is placed
+    assert panned(placed, 10.0).pedestal_radius == 2.5
+
+
+def test_a_rig_without_a_pose_finds_beyond_the_walls_radius_whether_it_is_panned_or_not(make_rig):
+    bare, rng = make_rig(480, 270, world_from_left=None), np.random.default_rng(5)
+    walled = replace(bare, pedestal_radius=2.5)
+    place_m = np.array([3.0, 0.05])  # of the left camera
+    columns_px = np.rint(level_pair(bare).columns_of(place_m[None])[0]).astype(int)
+    views = []
+    for column in columns_px:
+        view = rng.normal(60.0, 1.0, (10, 270, 480))
+        for frame in range(10):
+            view[frame, 25 * frame : 25 * frame + 20, column - 1 : column + 2] = 110.0
+        views.append(np.clip(np.rint(view), 0, 255).astype(np.uint8))
+    for rig in (bare, walled, panned(walled, 0.0)):
+        (leak,) = locate(*views, rig).leaks
+        assert (leak.x_m, leak.y_m) == pytest.approx(tuple(place_m), abs=0.1)
+
+
+def test_cameras_above_one_another_are_a_rig_error(make_rig):
+    with pytest.raises(RigError, match="more level than steep"):
+        level_pair(make_rig(T=[0.0, -0.5, 0.0]))

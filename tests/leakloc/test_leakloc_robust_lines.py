@@ -10,6 +10,7 @@ from leakloc.condition import DARK, FROZEN, SATURATED, describe_condition
 from leakloc.correlate import agreement, threshold_sigmas
 from leakloc.levelled import level_pair
 from leakloc.levelling import fit_tilt, slope_of
+from leakloc.result import read_result, write_result
 from leakloc.streaks import band_sums, best_bright_clip, streak_median, streaks
 from leakloc.tilt import leaning_columns
 from leakloc.tracks import match_tracks
@@ -196,3 +197,27 @@ def test_a_tolerance_that_means_nothing_is_refused(make_rig, value):
     frames = np.zeros((4, 54, 96), np.uint8)
     with pytest.raises(ValueError, match="expected_false_leaks must be > 0 and <= 1"):
         locate(frames, frames, make_rig(96, 54), expected_false_leaks=value)
+
+
+@pytest.mark.parametrize(("white", "median", "state"), [(4095, 400, "fit"), (4095, 20, DARK), (1023, 5, DARK)])
+def test_the_brightness_of_a_camera_of_more_than_8_bit_is_judged_by_its_own_white(white, median, state):
+    rng = np.random.default_rng(0)
+    frames = rng.integers(median - 5, median + 6, (6, 60, 90)).astype(np.uint16)
+    frames[:, ::7, ::7] = np.where(rng.random(frames[:, ::7, ::7].shape) < 0.02, white, frames[:, ::7, ::7])  # hits
+    assert describe_condition(frames)["state"] == state
+
+
+def test_a_camera_of_12_bit_that_sees_nothing_but_its_white_is_saturated():
+    frames = np.full((6, 60, 90), 4095, np.uint16)
+    frames[:, :20] -= np.arange(6, dtype=np.uint16)[:, None, None]
+    assert describe_condition(frames)["state"] == SATURATED
+
+
+@pytest.mark.parametrize(("n", "height", "width"), [(3, 48, 480), (3, 16, 640), (4, 15, 120)])
+def test_a_clip_too_short_and_low_to_tell_its_step_has_a_result_that_can_be_written(
+    make_rig, tmp_path, n, height, width
+):
+    views = np.random.default_rng(0).integers(50, 60, (2, n, height, width), dtype=np.uint8)
+    estimate = locate(*views, make_rig(width, height))
+    write_result(estimate, tmp_path / "result.json")
+    assert np.isnan(read_result(tmp_path / "result.json").diagnostics["step"]["sigmas"])

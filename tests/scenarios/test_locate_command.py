@@ -1,13 +1,23 @@
 """`leakloc locate` in its three forms: a clip, footage with a calibration, several views."""
 
+import base64
 import json
 import math
+import re
+import shutil
+from dataclasses import replace
 
+import cv2
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from leakloc import Estimate, read_clip
+from leakloc.rig_file import read_rig, write_rig
 from scenarios.cli import main
+from scenarios.report import estimate_html
 
+SIDES = ("left", "right")
 SMALL = ["--set", "rig.width_px=480", "--set", "rig.height_px=270", "--set", "gamma.dose_rate_gy_h=1.0"]
 
 
@@ -65,6 +75,9 @@ def test_views_of_a_rig_that_turned_are_fused_into_one_map(tmp_path):
         (["{clip}/left", "{clip}/right", "--rig", "{clip}/input.json"], "input.json"),
         (["{clip}/left", "{clip}/nowhere", "--rig", "{clip}/rig.yaml"], "nowhere"),
         (["{clip}/left"], "left"),
+        (["{clip}", "{clip}"], "--pan must say how they turned"),
+        (["{clip}", "{clip}", "--pan"], "an angle for each of the 2 views, got 0"),
+        (["{clip}", "--expected-false-leaks", "0.1", "--method", "paper"], "belongs to --method robust"),
     ],
 )
 def test_a_call_that_cannot_be_meant_is_refused(clip, arguments, words):
@@ -104,3 +117,29 @@ def test_the_papers_other_subtractors_can_be_chosen(clip, tmp_path):
     }
     assert profiles["median"] != profiles["mean"]
     assert profiles["median"] != profiles["mog2"]
+
+
+def test_a_view_that_knows_where_it_stands_and_one_that_does_not_make_no_map(clip, tmp_path):
+    lost = tmp_path / "lost"
+    for name in ("left", "right"):
+        shutil.copytree(clip / name, lost / name)
+    shutil.copy(clip / "input.json", lost)
+    write_rig(replace(read_rig(clip / "rig.yaml"), world_from_left=None), lost / "rig.yaml")
+    result = run("locate", clip, lost)
+    assert result.exit_code == 2, result.output
+    assert "all must state world_from_left, or none" in result.output
+
+
+@pytest.mark.parametrize("bits", [10, 12, 16])
+def test_pictures_of_deeper_frames_are_shown_as_those_of_8_bit(clip, bits):
+    footage = read_clip(clip)
+    deeper = replace(footage, **{side: getattr(footage, side).astype(np.uint16) << (bits - 8) for side in SIDES})
+    shown, expected = (pictures_of(estimate_html("a", one, Estimate("m", "world", ()))) for one in (deeper, footage))
+    for picture, same in zip(shown[:4], expected[:4], strict=True):
+        assert picture.mean() == pytest.approx(same.mean(), rel=0.02, abs=0.5)
+    assert shown[0].mean() < 200
+
+
+def pictures_of(page):
+    pngs = re.findall(r"data:image/png;base64,([A-Za-z0-9+/=]+)", page)
+    return [cv2.imdecode(np.frombuffer(base64.b64decode(png), np.uint8), cv2.IMREAD_GRAYSCALE) for png in pngs]
