@@ -22,10 +22,10 @@ test: $(VENV)/.dev  ## the test suite, under 5 minutes on 2 cores
 deep: $(VENV)/.dev  ## fresh seeds and the slow physics (long)
 	@$(TEST_ENV) HYPOTHESIS_PROFILE=deep $(BIN)/python -m pytest -n 2 --dist loadgroup
 
-defects: $(VENV)/.dev  ## plant faults one at a time; the tests must kill each (some 3 minutes)
+defects: $(VENV)/.dev  ## plant faults one at a time; the tests must kill each (some 8 minutes)
 	@$(BIN)/python tests/defects/run.py
 
-flake: $(VENV)/.dev  ## three random orders of the suite, twenty fresh seeds of what is statistical (an hour)
+flake: $(VENV)/.dev  ## three random orders of the suite, twenty fresh seeds of what is statistical (an hour or more)
 	@$(BIN)/python tests/flake/run.py
 
 lint: $(VENV)/.dev  ## style and types

@@ -119,8 +119,8 @@ def shown(sensor: Sensor, key: Key) -> Key:
 
 def checked_frames(frames: Array | Frames, sensor: Sensor) -> Array | Frames:
     """Frames as an array (n, height, width) of float32, uint8 or uint16."""
-    frames = np.asarray(frames)
-    if frames.ndim != 3:
+    frames = np.ascontiguousarray(frames)  # pixels are written by their number, which a view in another order has not
+    if np.ndim(frames) != 3:
         raise ValueError(f"add_noise: frames must be (n, height, width), got shape {frames.shape}")
     if frames.dtype == np.float64:
         frames = frames.astype(np.float32)

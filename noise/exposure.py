@@ -20,6 +20,9 @@ NORMAL_FROM_E = 20.0
 VARIANCE_OF_SKEW = np.float32(1 / 18)
 """Variance of (z^2 - 1) / 6, the term that gives a normal number z the skewness of a Poisson number."""
 
+SRGB_TABLE_BITS = 12
+"""Of more bits a level of the dark is less than a step of the table of tones, which has 65 536."""
+
 BLOCK_ROWS = 48
 """Rows that are worked on at a time: four such blocks of 960 columns stay in the second-level cache."""
 
@@ -154,6 +157,8 @@ def convert(signal_e: Array, sensor: Sensor) -> Frames:
     if sensor.tone == "linear":
         grey = cv2.addWeighted(signal_e, per_level, signal_e, 0.0, 0.0, dtype=depth)
         return np.minimum(grey, kind(sensor.white_level)) if 8 < sensor.bits < 16 else grey
+    if sensor.bits > SRGB_TABLE_BITS:
+        return np.rint(shown_grey(signal_e, sensor)).astype(kind)
     linear = cv2.addWeighted(signal_e, 65535 / sensor.full_well_e, signal_e, 0.0, 0.0, dtype=cv2.CV_16U)
     return srgb_table(sensor.white_level)[linear].astype(kind, copy=False)
 

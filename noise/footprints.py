@@ -19,7 +19,7 @@ SMALLEST_E = 2.0
 """Less charge in a pixel than this is dropped from a footprint, and the rest is scaled to keep the sum."""
 
 DIFFUSION_REACH = 3.0  # standard deviations of the diffusion that a footprint includes
-PATCH_SIDES_PX = (10, 12, 14, 16, 20, 24, 32, 48, 64, 128)
+PATCH_SIDES_PX = (10, 12, 14, 16, 20, 24, 32, 48, 64, 128, 192, 256, 384, 512, 768, 1024)
 
 
 PIXEL = np.dtype([("dx_px", np.int16), ("dy_px", np.int16), ("charge_e", np.float32)])
@@ -67,7 +67,7 @@ def footprints_for(key: BankKey, pitch_um: float, diffusion_um: float) -> Footpr
         members = np.flatnonzero((side_px > low) & (side_px <= high))
         if len(members):
             patch = int(side_px[members].max())
-            n_parts = -(-len(members) * (patch * PHASES) ** 2 // MOST_FINE_CELLS)
+            n_parts = min(len(members), -(-len(members) * (patch * PHASES) ** 2 // MOST_FINE_CELLS))
             for part in np.array_split(members, n_parts):
                 pieces.append(class_footprints(bank, part, (fine_x, fine_y), patch, kernel))
     return sorted_footprints(bank, pieces)

@@ -5,10 +5,11 @@ import math
 import numpy as np
 
 from scenarios.draws import Stream, rng_for
-from scenarios.scenario import Drip, LayoutTable, LeakTable, PedestalTable, Scenario
+from scenarios.scenario import Drip, LayoutTable, LeakTable, PedestalTable, RecordingTable, Scenario
 
 G_M_S2 = 9.81
 MAX_TRIES = 20_000
+ROUNDED_M = 2e-4  # by which rounding may move a leak, and more
 
 
 def resolved(scenario: Scenario) -> Scenario:
@@ -27,7 +28,7 @@ def draw_layout(layout: LayoutTable, pedestal: PedestalTable, seed: int) -> tupl
     The whole layout is redrawn when a leak finds no room: keeping the first ones would favour the rim.
     """
     rng = rng_for(seed, Stream.LAYOUT)
-    reach_m = pedestal.radius_m - layout.wall_margin_m
+    reach_m = pedestal.radius_m - max(layout.wall_margin_m, layout.drop_radius_m + ROUNDED_M)
     for _ in range(MAX_TRIES):
         range_m = reach_m * np.sqrt(rng.random(layout.n_leaks))
         azimuth = rng.uniform(-math.pi / 2.0, math.pi / 2.0, layout.n_leaks)
@@ -39,14 +40,21 @@ def draw_layout(layout: LayoutTable, pedestal: PedestalTable, seed: int) -> tupl
     raise ValueError(f"layout: no room found for {layout.n_leaks} leaks {layout.min_separation_m} m apart")
 
 
-def draw_drop_times(drip: Drip, floor_z_m: float, end_s: float, *, rng: np.random.Generator) -> np.ndarray:
-    """Release times, s, of every drop that is in the air at any time from -1 s to `end_s`.
+def lead_s(recording: RecordingTable) -> float:
+    """How long before frame 0's middle drops must be in the air: it opens at most that much earlier, s."""
+    return max(1.0, (recording.exposure_s + recording.readout_s) / 2.0)
+
+
+def draw_drop_times(
+    drip: Drip, floor_z_m: float, end_s: float, *, begin_s: float = -1.0, rng: np.random.Generator
+) -> np.ndarray:
+    """Release times, s, of every drop that is in the air at any time from `begin_s` to `end_s`.
 
     The first time has a uniform phase; each interval is the period times 1 +- jitter. Later drops do not depend on
     how long the clip is.
     """
     fall_s = math.sqrt(2.0 * max(drip.z_m - floor_z_m, 0.0) / G_M_S2)
-    start_s = -1.0 - fall_s - drip.drip_period_s * rng.random()
+    start_s = begin_s - fall_s - drip.drip_period_s * rng.random()
     n_drops = math.ceil((end_s - start_s) / (drip.drip_period_s * (1.0 - drip.drip_jitter))) + 1
     intervals_s = drip.drip_period_s * (1.0 + drip.drip_jitter * rng.uniform(-1.0, 1.0, n_drops))
     times_s = start_s + np.cumsum(intervals_s)
@@ -59,5 +67,6 @@ def _with_drop_times(leak: LeakTable, i: int, scenario: Scenario) -> LeakTable:
     recording, pedestal = scenario.recording, scenario.pedestal
     end_s = recording.n_frames / recording.fps
     floor_z_m = pedestal.centre_z_m - pedestal.height_m / 2.0
-    times_s = draw_drop_times(leak, floor_z_m, end_s, rng=rng_for(scenario.seed, Stream.DRIPS, i))
+    rng = rng_for(scenario.seed, Stream.DRIPS, i)
+    times_s = draw_drop_times(leak, floor_z_m, end_s, begin_s=-lead_s(recording), rng=rng)
     return leak.model_copy(update={"drop_times_s": tuple(float(t) for t in times_s)})

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 
+from scenarios.leaks import lead_s
 from scenarios.mistakes import Violation
 from scenarios.scenario import MAX_DROPS_PER_LEAK, Scenario
 
@@ -143,7 +144,7 @@ def _drop_times(scenario: Scenario) -> Iterator[Violation]:
     recording, pedestal = scenario.recording, scenario.pedestal
     for i, leak in enumerate(scenario.leak):
         fall_m = max(leak.z_m - pedestal.centre_z_m + pedestal.height_m / 2.0, 0.0)
-        in_air_s = recording.n_frames / recording.fps + 1.0 + math.sqrt(2.0 * fall_m / 9.81)
+        in_air_s = recording.n_frames / recording.fps + lead_s(recording) + math.sqrt(2.0 * fall_m / 9.81)
         n_drops = in_air_s / (leak.drip_period_s * (1.0 - leak.drip_jitter)) + 2.0
         if leak.drop_times_s is None and n_drops > MAX_DROPS_PER_LEAK:
             rule = f"makes more than {MAX_DROPS_PER_LEAK} drops in {in_air_s:.3g} s: must be longer"

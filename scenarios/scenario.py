@@ -128,7 +128,7 @@ class PedestalTable(Model):
     centre_z_m: Metres = Field(0.0, description="height of the cylinder's middle above the cameras")
     texture: Literal["rust", "uniform"] = "rust"
     texture_seed: int = Field(0, ge=0, lt=2**31, description="the wall stays the same when the scenario's seed changes")
-    reflectance: float = Field(0.3, gt=0.0, lt=1.0, description="diffuse, of a uniform wall")
+    reflectance: float = Field(0.08, gt=0.0, lt=1.0, description="diffuse, of a uniform wall: the mean of a rusty one")
     steel_reflectance: float = Field(0.05, gt=0.0, lt=1.0, description="diffuse, of a rusty wall where it is bare")
     rust_reflectance: float = Field(0.11, gt=0.0, lt=1.0, description="diffuse, of a rusty wall where it is rusty")
 

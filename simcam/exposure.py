@@ -35,9 +35,11 @@ def drop_exposures(
     Frames in which a drop is not falling are left out; frame by frame, drops in their order.
     """
     height, width = shape
-    frame, drop = (grid.ravel() for grid in np.indices((len(frames), len(released_s))))
-    number = np.asarray(frames)[frame]
-    rows_s = recording.row_delays_s(height) - np.asarray(released_s)[drop, None]
-    opens = np.clip(recording.opens_s(number)[:, None] + rows_s, 0, falling_s)
-    closes = np.clip(recording.closes_s(number)[:, None] + rows_s, 0, falling_s)
+    delays_s, released, numbers = recording.row_delays_s(height), np.asarray(released_s), np.asarray(frames)
+    first_s = recording.opens_s(numbers)[:, None] + delays_s.min() - released
+    last_s = recording.closes_s(numbers)[:, None] + delays_s.max() - released
+    frame, drop = np.nonzero((last_s > 0) & (first_s < falling_s))  # most drops are not falling in most frames
+    rows_s = delays_s - released[drop, None]
+    opens = np.clip(recording.opens_s(numbers[frame])[:, None] + rows_s, 0, falling_s)
+    closes = np.clip(recording.closes_s(numbers[frame])[:, None] + rows_s, 0, falling_s)
     return Exposures(opens, closes, frame * height * width)[(closes > opens).any(axis=1)]

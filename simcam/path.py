@@ -9,8 +9,10 @@ from simcam.fall import fall_depth, fall_time
 from simcam.lens import FloatArray
 from simcam.scene import Leak
 from simcam.static import LitScene
+from simcam.structures import IndexArray
 
 PATH_POINTS = 513
+SHORTEST_STEP_S = 1e-7  # in which no drop passes a row
 RIM_RADII, RIM_PX = 2.0, 2.0  # how far outside a drop's centre may be while its rim is inside
 
 
@@ -61,13 +63,14 @@ def drop_path(camera: Camera, leak: Leak, landing: float) -> DropPath | None:
     Raises ValueError when the image line is not followed downwards (a camera rolled by more than 90 degrees).
     """
     coarse_s = np.linspace(0.0, float(fall_time(landing)), PATH_POINTS)
-    places_m = _places(leak, coarse_s)
-    depth_m = np.maximum(camera.depth(places_m), leak.drop_radius_m)
-    rim_px = RIM_PX + RIM_RADII * leak.drop_radius_m * camera.camera_matrix[0, 0] / depth_m
-    outside = np.abs(camera.project(places_m) - camera.middle_px) - np.array([camera.width_px, camera.height_px]) / 2
-    seen = np.flatnonzero((outside < rim_px[:, None]).all(axis=1))
-    if seen.size == 0:
-        return None
+    seen = _seen(camera, leak, coarse_s)
+    while seen.size == 0:  # a low image may be passed between two points
+        rows = camera.project(_places(leak, coarse_s))[:, 1]
+        passed = np.flatnonzero((rows[:-1] < camera.middle_px[1]) & (rows[1:] >= camera.middle_px[1]))
+        if passed.size == 0 or coarse_s[passed[0] + 1] - coarse_s[passed[0]] < SHORTEST_STEP_S:
+            return None
+        coarse_s = np.linspace(coarse_s[passed[0]], coarse_s[passed[0] + 1], PATH_POINTS)
+        seen = _seen(camera, leak, coarse_s)
     first, last = max(seen[0] - 1, 0), min(seen[-1] + 1, PATH_POINTS - 1)
     fall_s = np.linspace(coarse_s[first], coarse_s[last], PATH_POINTS)
     path = _in_front(_followed(camera, leak, fall_s))
@@ -76,6 +79,15 @@ def drop_path(camera: Camera, leak: Leak, landing: float) -> DropPath | None:
     if not (np.diff(path.centre_px[:, 1]) > 0).all():
         raise ValueError("drop_path: drops must fall downwards in the image; roll and pitch are too large")
     return path
+
+
+def _seen(camera: Camera, leak: Leak, fall_s: FloatArray) -> IndexArray:
+    """Which of the times since release any of a drop may be in the image."""
+    places_m = _places(leak, fall_s)
+    depth_m = np.maximum(camera.depth(places_m), leak.drop_radius_m)
+    rim_px = RIM_PX + RIM_RADII * leak.drop_radius_m * camera.camera_matrix[0, 0] / depth_m
+    outside = np.abs(camera.project(places_m) - camera.middle_px) - np.array([camera.width_px, camera.height_px]) / 2
+    return np.flatnonzero((outside < rim_px[:, None]).all(axis=1))
 
 
 def _in_front(path: DropPath) -> DropPath:

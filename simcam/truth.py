@@ -6,18 +6,22 @@ A leak's column is where its vertical line crosses the middle row (height - 1) /
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from simcam.camera import Camera
 from simcam.lens import FloatArray
+from simcam.light import LAMP_SAMPLES, lamp_visibility
 from simcam.path import landing_m
 from simcam.recording import Recording
 from simcam.rig import StereoRig
 from simcam.scene import Lamp, Leak, Scene
 from simcam.static import LitScene, light_scene
 from simcam.structures import IndexArray
+from simcam.surface import Surface
 
 LINE_POINTS = 4001  # along a leak's line, floor to ceiling: 2 mm in the paper's pedestal
 IN_VIEW_MARGIN_PX = 3.0
+ON_PLANE_M = 1e-3  # of the lamp-leak plane: nearer, a surface crosses it; farther, an outline jumps over it
 
 
 @dataclass(frozen=True)
@@ -115,31 +119,43 @@ def line_crossing(lit: LitScene, camera: Camera, leak: Leak) -> tuple[float, Flo
 def shadow_column(lit: LitScene, camera: Camera, leak: Leak, lamp: Lamp) -> float:
     """Column at mid-row of the middle of a leak's shadow from one lamp; NaN when none is in the image.
 
-    The shadow lies in the vertical plane through lamp and leak, beyond the leak, on whatever surface is seen there.
+    The shadow lies in the vertical plane through lamp and leak, beyond the leak, on whatever surface is seen there, as
+    far as the lamp reaches it past a height from which drops fall.
     """
     columns = np.arange(camera.width_px, dtype=float)
-    side, ahead = _beside_plane(lit, camera, leak, lamp, columns)
-    change = np.flatnonzero((side[:-1] * side[1:] <= 0) & (ahead[:-1] > 1) & (ahead[1:] > 1))
-    if change.size == 0:
-        return np.nan
-    low, high = columns[change[0]], columns[change[0] + 1]
-    for _ in range(30):  # bisection to 1e-9 px
-        middle = (low + high) / 2
-        ends, _ = _beside_plane(lit, camera, leak, lamp, np.array([low, middle]))
-        low, high = (middle, high) if ends[0] * ends[1] > 0 else (low, middle)
-    return float((low + high) / 2)
+    side, ahead = _beside_plane(_at_mid_row(lit, camera, columns), leak, lamp)
+    for place in np.flatnonzero((side[:-1] * side[1:] <= 0) & (ahead[:-1] > 1) & (ahead[1:] > 1)):
+        low, high = columns[place], columns[place + 1]
+        for _ in range(30):  # bisection to 1e-9 px
+            middle = (low + high) / 2
+            ends, _ = _beside_plane(_at_mid_row(lit, camera, np.array([low, middle])), leak, lamp)
+            low, high = (middle, high) if ends[0] * ends[1] > 0 else (low, middle)
+        if _is_shaded(lit, _at_mid_row(lit, camera, np.array([(low + high) / 2])), leak, lamp):
+            return float((low + high) / 2)
+    return np.nan
 
 
-def _beside_plane(
-    lit: LitScene, camera: Camera, leak: Leak, lamp: Lamp, columns: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """For columns of the middle row: metres of the seen point beside the lamp-leak plane; its distance from the lamp
+def _is_shaded(lit: LitScene, surface: Surface, leak: Leak, lamp: Lamp) -> bool:
+    """Whether drops pass between the lamp and a point (one) of the lamp-leak plane."""
+    (side,), (ahead,) = _beside_plane(surface, leak, lamp)
+    if abs(side) > ON_PLANE_M:  # the outline of something before the plane
+        return False
+    passes_z_m = lamp.position_m[2] + (float(surface.points_m[2, 0]) - lamp.position_m[2]) / ahead
+    if not leak.z_m - landing_m(lit, leak) < passes_z_m < leak.z_m:
+        return False
+    return bool(lamp_visibility(lamp, surface, lit.obstacles, LAMP_SAMPLES)[0] > 0)
 
-    along that plane, in units of the leak's.
-    """
+
+def _at_mid_row(lit: LitScene, camera: Camera, columns: FloatArray) -> Surface:
+    """What is seen at columns (n,) of the middle row."""
     pixels = np.stack([columns, np.full_like(columns, (camera.height_px - 1) / 2)], axis=-1)
     origin_m = camera.centre_world_m.astype(np.float32)[:, None]
-    points_m = lit.look(origin_m, camera.rays(pixels).T.astype(np.float32)).points_m
+    return lit.look(origin_m, camera.rays(pixels).T.astype(np.float32))
+
+
+def _beside_plane(surface: Surface, leak: Leak, lamp: Lamp) -> tuple[FloatArray, FloatArray]:
+    """Metres of points (n,) beside the lamp-leak plane; their distance from the lamp along it, the leak's being 1."""
+    points_m = surface.points_m
     x, y = leak.x_m - lamp.position_m[0], leak.y_m - lamp.position_m[1]
     distance_m = max(np.hypot(x, y), 1e-9)
     from_x, from_y = points_m[0] - lamp.position_m[0], points_m[1] - lamp.position_m[1]
@@ -161,7 +177,8 @@ def _rows_seen(lit: LitScene, camera: Camera, leak: Leak) -> tuple[IndexArray, t
     columns = camera.project(at_rows_m)[:, 0]
     inside = (columns > -0.5) & (columns < camera.width_px - 0.5)
     hidden, hidden_by = _hidden(lit, camera, at_rows_m)
-    return rows[inside & ~hidden], tuple(int(index) for index in np.unique(hidden_by[inside & hidden]))
+    seen = inside & ~hidden & ~_behind_lamps(lit, camera, at_rows_m)
+    return rows[seen], tuple(int(index) for index in np.unique(hidden_by[inside & hidden]))
 
 
 def _hidden(lit: LitScene, camera: Camera, points_m: FloatArray) -> tuple[FloatArray, IndexArray]:
@@ -172,6 +189,19 @@ def _hidden(lit: LitScene, camera: Camera, points_m: FloatArray) -> tuple[FloatA
     origins = np.repeat(camera.centre_world_m[None], len(points_m), axis=0)
     hits = lit.obstacles.caster.first_hits(origins, points_m - origins)
     return hits.distance_m < 1.0, lit.obstacles.structure[hits.face]
+
+
+def _behind_lamps(lit: LitScene, camera: Camera, points_m: FloatArray) -> NDArray[np.bool_]:
+    """Whether a lamp's body lies between the camera and points (n, 3)."""
+    sight = points_m - camera.centre_world_m
+    range_m = np.linalg.norm(sight, axis=1)
+    behind = np.zeros(len(points_m), bool)
+    for lamp in lit.lamps:
+        to_lamp = np.asarray(lamp.position_m) - camera.centre_world_m
+        along = sight @ to_lamp / range_m
+        missed_by = np.linalg.norm(to_lamp - along[:, None] * sight / range_m[:, None], axis=1)
+        behind |= (missed_by < lamp.radius_m) & (along > 0) & (along < range_m)
+    return behind
 
 
 def _line(leak: Leak, heights_m: FloatArray) -> FloatArray:

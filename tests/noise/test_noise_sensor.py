@@ -35,10 +35,11 @@ def test_grey_frames_come_back_when_dose_and_sensor_are_off(frames, tone, electr
     assert len(out.hits) == 0
 
 
-@pytest.mark.parametrize("bits", [10, 12, 14, 16])
-def test_grey_of_more_bits_comes_back_when_dose_and_sensor_are_off(bits):
+@pytest.mark.parametrize("tone", ["linear", "srgb"])
+@pytest.mark.parametrize("bits", [10, 12, 13, 14, 16])
+def test_grey_of_more_bits_comes_back_when_dose_and_sensor_are_off(bits, tone):
     frames = np.arange(2**bits, dtype=np.uint16).reshape(1, 2 ** (bits - 5), 32)
-    out = add_noise(frames, NO_GAMMA, Sensor(bits=bits).without_noise(), exposure_s=0.1, seed=1, camera=0)
+    out = add_noise(frames, NO_GAMMA, Sensor(bits=bits, tone=tone).without_noise(), exposure_s=0.1, seed=1, camera=0)
     assert np.array_equal(out.frames, frames)
 
 
@@ -298,3 +299,14 @@ def test_an_empty_clip_stays_empty():
 def test_grey_is_read_on_the_sensors_own_scale_without_offset():
     assert electrons_table(Sensor())[[0, 1, 255]].tolist() == [0.0, 33.0, 8415.0]
     assert electrons_table(Sensor(bits=12))[4095] == pytest.approx(8415.0)
+
+
+@pytest.mark.parametrize("changes", [{}, {"hot_pixel_share": 0.1, "hot_pixel_e_s": 20_000.0}])
+def test_the_order_of_frames_in_memory_changes_nothing(changes):
+    frames = np.full((3, 40, 60), 2.0, np.float32)
+    frames[:, :, 30:] = 400.0
+    sensor = Sensor(electrons_per_grey=0.5, **changes)
+    turned = np.transpose(np.ascontiguousarray(np.transpose(frames, (0, 2, 1))), (0, 2, 1))
+    assert not turned.flags.c_contiguous
+    one, other = (add_noise(f, NO_GAMMA, sensor, exposure_s=0.1, seed=1, camera=0).frames for f in (frames, turned))
+    assert np.array_equal(one, other)

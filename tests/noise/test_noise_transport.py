@@ -223,3 +223,11 @@ def test_a_footprint_is_the_diffused_track_at_its_phase():
 
 def test_energy_left_after_more_than_the_range_is_nothing():
     assert energy_after_kev(np.array([50.0]), np.array([30.0])) == 0
+
+
+def test_tracks_longer_than_a_thousand_fine_pixels_have_footprints():
+    prints = footprints_for(BankKey(thickness_um=50.0, n_tracks=24), 0.25, 0.5)
+    assert prints.reach_px.max() > 512
+    assert prints.track_charge_e == pytest.approx(
+        np.add.reduceat(prints.pixels["charge_e"], prints.start[:: PHASES**2]) / PHASES**2, rel=0.02, abs=5.0
+    )

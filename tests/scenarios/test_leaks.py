@@ -69,3 +69,21 @@ def test_a_longer_clip_begins_like_a_shorter_one():
     short, long = clip_of(1, 12), clip_of(1, 48)
     times = short.leak[0].drop_times_s
     assert long.leak[0].drop_times_s[: len(times)] == times
+
+
+@given(seed=st.integers(0, 2**63 - 1), exposure_s=st.floats(0.1, 10.0), readout_s=st.floats(0.0, 1.0))
+def test_drops_are_in_the_air_when_the_first_frame_opens_however_long_it_is(seed, exposure_s, readout_s):
+    recording = RecordingTable(fps=0.04, exposure_s=exposure_s, readout_s=readout_s, n_frames=3)
+    leak = LeakTable(x_m=0.0, y_m=0.0, drip_period_s=0.3, drip_jitter=0.0)
+    times_s = resolved(Scenario(seed=seed, recording=recording, leak=(leak,))).leak[0].drop_times_s
+    fall_s = math.sqrt(2 * (leak.z_m + 3.5) / 9.81)
+    opens_s = -(exposure_s + readout_s) / 2
+    assert min(times_s) <= opens_s - fall_s + leak.drip_period_s
+    assert min(times_s) >= min(opens_s, -1.0) - fall_s - 2 * leak.drip_period_s
+
+
+@given(st.integers(0, 2**63 - 1), st.floats(0.0, 0.05), st.floats(0.001, 0.05))
+def test_a_drawn_leaks_drops_touch_no_wall_even_without_a_margin(seed, margin_m, drop_radius_m):
+    layout = LayoutTable(n_leaks=5, wall_margin_m=margin_m, drop_radius_m=drop_radius_m, min_separation_m=0.1)
+    for leak in draw_layout(layout, PedestalTable(), seed):
+        assert math.hypot(leak.x_m, leak.y_m) + drop_radius_m < 2.5

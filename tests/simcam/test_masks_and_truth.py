@@ -22,8 +22,10 @@ from simcam import (
     static_depth,
     stereo_rig,
 )
+from simcam.exposure import drop_exposures
+from simcam.path import drop_path, landing_m
 from simcam.penumbra import blocked_share
-from simcam.static import static_view
+from simcam.static import light_scene, static_view
 
 PEDESTAL = Pedestal(texture=UniformTexture(0.3))
 LAMP = Lamp((-2.25, 0.1, 0.4), 0.08)
@@ -169,3 +171,78 @@ def test_strong_barrel_distortion_and_a_wide_view_show_a_leak_once():
     shown = line[(line[:, 1] > 0) & (line[:, 1] < 539), 0]
     assert columns.min() == pytest.approx(shown.min(), abs=4)
     assert columns.max() == pytest.approx(shown.max(), abs=4)
+
+
+TINY = Lens(70.0, 96, 54)
+LOW = Leak(0.0, 0.3, 2.0, 0.006, np.array([0.0]))
+
+
+def truth_of(lamp, leak, structures=(), lens=TINY, pedestal=PEDESTAL):
+    (truth,) = ground_truth(Scene(pedestal, (lamp,), (leak,), structures), stereo_rig(lens=lens), Recording()).leaks
+    return truth
+
+
+def test_a_shadow_is_stated_where_there_is_one():
+    truth = truth_of(LAMP, LOW)
+    for side in ("left", "right"):
+        assert np.isfinite(getattr(truth, side).shadow_columns_px[0])
+
+
+@pytest.mark.parametrize(
+    ("leak", "structures"),
+    [
+        (Leak(0.0, 0.3, -0.5, 0.006, np.array([0.0])), ()),  # it begins below the lamp's rays to the middle row
+        (LOW, (Box((0.0, 0.3, 1.0), (0.1, 0.1, 0.02)),)),  # drops land on a ledge
+        (LOW, (Box((-2.05, 0.0, 0.4), (0.05, 0.8, 0.8)),)),  # the lamp is hidden
+    ],
+    ids=["a low leak", "a ledge", "a hidden lamp"],
+)
+def test_no_shadow_is_stated_where_none_can_fall(leak, structures):
+    truth = truth_of(LAMP, leak, structures)
+    assert np.isnan([getattr(truth, side).shadow_columns_px[0] for side in ("left", "right")]).all()
+
+
+def test_a_drop_behind_a_lamps_body_is_hidden_in_the_truth_as_it_is_in_the_picture():
+    lamp, leak = Lamp((0.0, 0.0, 0.0), 0.9), Leak(1.5, 0.0, 2.0, 0.006, np.array([-0.5, -0.3]))
+    truth = truth_of(lamp, leak)
+    assert truth.visible_fraction < 0.2
+    assert truth.left.occluded_by == ()
+    assert truth_of(Lamp((0.0, 2.0, 0.0), 0.3), leak).visible_fraction == 1.0
+
+
+@pytest.mark.parametrize(("lens", "height_m"), [(Lens(10.0, 960, 54), 100.0), (Lens(70.0, 96, 16), 100.0)])
+def test_a_drop_that_passes_a_low_image_in_an_instant_is_drawn(lens, height_m):
+    pedestal = Pedestal(height_m=height_m, texture=UniformTexture(0.3))
+    leak = Leak(1.9, 0.0, 0.45 * height_m, 0.006, np.array([0.0]))
+    camera = stereo_rig(lens=lens).left
+    assert truth_of(LAMP, leak, lens=lens, pedestal=pedestal).left.visible_fraction == 1.0
+    lit = light_scene(Scene(pedestal, (LAMP,), (leak,)))
+    path = drop_path(camera, leak, landing_m(lit, leak))
+    assert path is not None
+    assert path.centre_px[0, 1] < 0
+    assert path.centre_px[-1, 1] > camera.height_px - 1
+
+
+@given(
+    frames=st.lists(st.integers(0, 40), min_size=1, max_size=6, unique=True).map(sorted),
+    released_s=st.lists(st.floats(-2.0, 4.0), max_size=8),
+    falling_s=st.floats(0.01, 1.2),
+    exposure_s=st.floats(0.001, 0.08),
+    readout_s=st.floats(0.0, 0.05),
+)
+def test_exposures_are_those_of_all_drops_in_all_frames_less_the_empty_ones(
+    frames, released_s, falling_s, exposure_s, readout_s
+):
+    recording = Recording(41, 12.0, exposure_s, readout_s=readout_s)
+    found = drop_exposures(recording, frames, np.array(released_s), falling_s, (9, 5))
+    expected = []
+    for place, frame in enumerate(frames):
+        for time_s in released_s:
+            opens, closes = (
+                np.clip(edge + recording.row_delays_s(9) - time_s, 0, falling_s)
+                for edge in (recording.opens_s(frame), recording.closes_s(frame))
+            )
+            if (closes > opens).any():
+                expected.append((place * 45, *opens, *closes))
+    rows = np.column_stack([found.first_pixel, found.opens_s, found.closes_s])
+    assert rows.reshape(-1, 19) == pytest.approx(np.array(expected).reshape(-1, 19), abs=1e-12)
