@@ -64,9 +64,15 @@ class Atlas:
         return sorted({code for code, _ in self.kept})
 
     def counterexamples(self) -> list[Counterexample]:
-        """Return every counterexample kept, once, by its scene's number and code."""
-        distinct = {(found.number, found.code): found for found in self.kept.values()}
+        """Return every counterexample kept, once, by its scene's number and code: the first of several leaks."""
+        distinct: dict[tuple[int, str], Counterexample] = {}
+        for found in self.kept.values():
+            distinct.setdefault((found.number, found.code), found)
         return [distinct[place] for place in sorted(distinct)]
+
+    def cells_met(self, found: Counterexample) -> list[Cell]:
+        """Return the cells that a counterexample is kept for, and those of its scene's other leaks with the code."""
+        return [cell for (_, cell), one in self.kept.items() if (one.number, one.code) == (found.number, found.code)]
 
 
 def _plainer(one: Counterexample, other: Counterexample) -> bool:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from scenarios.arms import Arm, Scene, arms_of, scenes_of
 from scenarios.campaign import MAX_ARMS, MAX_RUNS, Campaign
+from scenarios.meshes import mesh_hashes
 from scenarios.mistakes import FileRules, Violation, capped, checked
 from scenarios.scenario_file import ScenarioError, read_scenario
 from scenarios.shelf import Shelf
@@ -37,8 +38,11 @@ class CampaignFile:
 
     def fingerprint(self) -> str:
         """SHA-256 of everything that the file says, the base scenario as it reads now included."""
-        base = read_scenario(self.base).model_dump(mode="json") if self.campaign.space is None else None
+        scenario = read_scenario(self.base) if self.campaign.space is None else None
+        base = scenario.model_dump(mode="json") if scenario else None
         said = {"campaign": self.campaign.model_dump(mode="json"), "base": base}
+        if scenario and (meshes := mesh_hashes(scenario)):
+            said["meshes"] = meshes
         return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()
 
 
@@ -164,7 +168,8 @@ def _mistakes_in_arms(campaign: Campaign, source: str, base: str) -> list[str]:
     Nothing is said of the arms when there are too many of them or the base scenario is bad by itself.
     """
     if campaign.space is not None:
-        return [f"{source}: set: {line}" for line in _mistakes_in(f"{campaign.space.stratum}:0", campaign.set)]
+        lines = _mistakes_in(f"{campaign.space.stratum}:0", campaign.set) or _mistakes_in_samples(campaign, base)
+        return [f"{source}: set: {line}" for line in lines]
     if campaign.n_arms > MAX_ARMS or campaign.scenario is None:
         return []
     if mistakes := _mistakes_in(base, ()):
@@ -182,7 +187,16 @@ def _mistakes_in_arms(campaign: Campaign, source: str, base: str) -> list[str]:
 
 def _mistakes_in(base: str, overrides: tuple[str, ...]) -> list[str]:
     try:
-        read_scenario(base, overrides)
+        mesh_hashes(read_scenario(base, overrides))
+    except ScenarioError as error:
+        return str(error).splitlines()
+    return []
+
+
+def _mistakes_in_samples(campaign: Campaign, base: str) -> list[str]:
+    """What is wrong with the first scene of a space that cannot be."""
+    try:
+        scenes_of(campaign, base)
     except ScenarioError as error:
         return str(error).splitlines()
     return []

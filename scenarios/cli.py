@@ -98,7 +98,7 @@ def generate(  # noqa: PLR0913  one argument per option
 @click.option("--level", type=click.Choice(["tracks", "salt", "transport"]), default="tracks", show_default=True)
 @click.option("--electrons-per-grey", type=FiniteRange(0.0, 1e4, min_open=True), default=33.0, show_default=True)
 @click.option("--pitch-um", type=FiniteRange(0.5, 50.0), default=3.0, show_default=True, help="Of a pixel.")
-@click.option("--tone", type=click.Choice(["linear", "srgb"]), default="linear", show_default=True)
+@click.option("--tone", type=click.Choice(["linear", "srgb"]), help="Default: input.json, else linear.")
 @click.option("--seed", type=SEED, default=0, show_default=True)
 @click.option("--force", is_flag=True, help="Replace what leakloc made there before.")
 @clear_errors
@@ -108,14 +108,16 @@ def noise(source: Path, destination: Path, exposure: float | None, *, force: boo
     Writes the truth of every hit beside them. What is then found in a clip is scored against the clip it came from.
     """
     from noise import GammaField, Sensor
-    from scenarios.irradiate import Exposure, irradiate, recorded_exposure_s
+    from noise.sensor import Tone
+    from scenarios.irradiate import Exposure, irradiate, recorded_exposure_s, recorded_tone
 
     check_destination(destination, "noise.json", force=force)
     exposure_s = exposure or recorded_exposure_s(source)
     if exposure_s is None:
         raise click.UsageError("--exposure is needed: there is no input.json that states it")
     field = GammaField(options["dose_rate"], options["energy"], level=options["level"])
-    sensor = Sensor(options["pitch_um"], electrons_per_grey=options["electrons_per_grey"], tone=options["tone"])
+    tone: Tone = options["tone"] or recorded_tone(source) or "linear"
+    sensor = Sensor(options["pitch_um"], electrons_per_grey=options["electrons_per_grey"], tone=tone)
     new_folder = replacing if force else creating
     n_hits = irradiate(source, destination, (field, sensor), Exposure(exposure_s, options["seed"]), new_folder)
     click.echo(f"{destination}: {n_hits} hits at {options['dose_rate']:g} Gy/h, {exposure_s:.4g} s a frame")

@@ -21,7 +21,7 @@ from scenarios.draws import Stream, rng_for, seed_of_clip
 from scenarios.estimators import EstimatorSpec
 from scenarios.failures import failures
 from scenarios.rules import violations
-from scenarios.scene_work import MethodOutcome, SceneWork
+from scenarios.scene_work import MethodOutcome, SceneWork, limit_s
 from scenarios.space import Space, sample_at
 from scenarios.statistics import clopper_pearson
 
@@ -204,7 +204,12 @@ def _uniform(quest: Quest, box: Box, *, rng: np.random.Generator) -> list[np.nda
 
 def _works(quest: Quest, points: Sequence[np.ndarray], seed: int) -> list[SceneWork]:
     return [
-        SceneWork(i, sample_at(quest.space, point.tolist(), seed_of_clip(seed, i)), (quest.estimator,), SCENE_LIMIT_S)
+        SceneWork(
+            i,
+            sample_at(quest.space, point.tolist(), seed_of_clip(seed, i)),
+            (quest.estimator,),
+            limit_s(SCENE_LIMIT_S, quest.estimator),
+        )
         for i, point in enumerate(points)
     ]
 

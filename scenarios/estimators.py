@@ -69,6 +69,8 @@ class EstimatorSpec:
         """Check what can be checked without running it."""
         if self.kind == "method" and self.text not in BUILT_IN:
             raise EstimatorError(f"method {self.text!r}: must be one of {', '.join(BUILT_IN)}")
+        if not self.text.isprintable():  # it stands in comments, tables and XML
+            raise EstimatorError(f"estimator {self.text[:60]!r}: must be of printable characters on one line")
         if len(self.text) > MAX_TEXT_CHARS:
             raise EstimatorError(f"estimator {self.text[:60]!r}...: must have at most {MAX_TEXT_CHARS} characters")
         if self.kind == "callable" and not IMPORTABLE.fullmatch(self.text):

@@ -8,8 +8,11 @@ from pathlib import Path
 from leakloc.outside_file import read_json
 from scenarios.clip_folder import DamagedClipError, read_manifest, verify_clip, write_clip
 from scenarios.draws import seed_of_clip
+from scenarios.meshes import mesh_hashes
 from scenarios.output_folder import MAX_MARKER_BYTES, OutputError, creating, made_by, write_json
+from scenarios.rules import violations
 from scenarios.scenario import Drip, LayoutTable, Scenario
+from scenarios.scenario_file import ScenarioError
 from scenarios.scenario_toml import scenario_toml
 from scenarios.simulate import simulate
 from scenarios.workers import all_done
@@ -42,13 +45,18 @@ def generate(scenario: Scenario, n_clips: int, destination: Path, n_workers: int
     again with the same scenario, and a data set grows when it is started again with more clips; clips that are there
     are checked against their manifests, not believed.
 
-    Raises OutputError when the destination holds something else or more clips, WorkerError when workers keep dying.
+    Raises ScenarioError when its leaks find no room, OutputError when the destination holds something else or more
+    clips, WorkerError when workers keep dying.
     """
+    meshes = mesh_hashes(scenario)
     plan: dict[str, object] = {
         "made_by": made_by(),
         "scenario": scenario_toml(scenario),
+        **({"meshes": meshes} if meshes else {}),
         "clips": [clip_name(i) for i in range(n_clips)],
     }
+    if broken := violations(scenario_of_clip(scenario, 0)):
+        raise ScenarioError("\n".join(f"random places: {one.key}: {one.rule}, got {one.value}" for one in broken))
     _begin(destination, plan)
     for number, _ in all_done(partial(_write_one, scenario, destination), range(n_clips), n_workers):
         yield number
@@ -58,7 +66,7 @@ def generate(scenario: Scenario, n_clips: int, destination: Path, n_workers: int
 def _begin(destination: Path, plan: dict[str, object]) -> None:
     """Lay down the index; a folder that has one of the same scenario is gone on with."""
     if destination.is_dir() and any(destination.iterdir()):
-        listed = _clips_listed(destination, str(plan["scenario"]))
+        listed = _clips_listed(destination, plan)
         if listed is None:
             raise OutputError(f"{destination}: is not empty and is no data set of this scenario, seed and version")
         if not set(listed) <= set(_strings(plan["clips"])):
@@ -69,13 +77,13 @@ def _begin(destination: Path, plan: dict[str, object]) -> None:
         write_json(folder / INDEX, {**plan, "complete": False})
 
 
-def _clips_listed(destination: Path, scenario: str) -> list[str] | None:
-    """Clips that the index of a data set of this scenario lists; None where it is no such data set."""
+def _clips_listed(destination: Path, plan: dict[str, object]) -> list[str] | None:
+    """Clips that the index of a data set of this plan lists; None where it is no such data set."""
     try:
         index = read_json(destination / INDEX, MAX_MARKER_BYTES)
     except ValueError:
         return None
-    if not isinstance(index, dict) or index.get("scenario") != scenario or index.get("made_by") != made_by():
+    if not isinstance(index, dict) or any(index.get(key) != plan.get(key) for key in ("scenario", "meshes", "made_by")):
         return None
     return _strings(index.get("clips"))
 

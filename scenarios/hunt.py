@@ -13,7 +13,7 @@ from scenarios.draws import Stream, rng_for, seed_of_clip
 from scenarios.estimators import EstimatorSpec
 from scenarios.hunt_moves import Known, downhill, filling, spreading
 from scenarios.lanes import Lanes
-from scenarios.scene_work import MethodOutcome, SceneWork
+from scenarios.scene_work import MethodOutcome, SceneWork, limit_s
 from scenarios.space import Space
 from scenarios.space_point import n_shares, scenario_of
 
@@ -48,7 +48,7 @@ def hunt(quarry: Quarry, evaluate: Evaluate, n_scenes: int | None = None) -> Ite
         moves = moves if n_scenes is None else moves[: n_scenes - number]
         scenarios = [scenario_of(quarry.space, move.shares, move.seed) for move in moves]
         works = [
-            SceneWork(number + i, scenario, (quarry.estimator,), SCENE_LIMIT_S)
+            SceneWork(number + i, scenario, (quarry.estimator,), limit_s(SCENE_LIMIT_S, quarry.estimator))
             for i, scenario in enumerate(scenarios)
             if scenario is not None
         ]

@@ -40,9 +40,8 @@ def plain_examples(hunted: Hunt, n_shrunk: int) -> Iterator[Entry]:
     }
     for found in kept:
         scenario = _shrunk(found, hunted.quarry) if id(found) in chosen else None
-        cells = [cell for (code, cell), one in hunted.atlas.kept.items() if (code, one) == (found.code, found)]
         shown = scenario or found.scenario
-        yield Entry(found, scenario, tuple(cells), picture(shown, hunted.quarry.estimator))
+        yield Entry(found, scenario, tuple(hunted.atlas.cells_met(found)), picture(shown, hunted.quarry.estimator))
 
 
 def write_hunt(folder: Path, hunted: Hunt, entries: list[Entry]) -> None:

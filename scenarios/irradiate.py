@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from leakloc.footage import image_paths
 from leakloc.image_file import read_grey_image
 from leakloc.outside_file import read_json, read_regular_file
 from noise import GammaField, GammaHits, Sensor, add_noise
+from noise.sensor import Tone
 from scenarios.clip_folder import ESTIMATORS_FILES, ESTIMATORS_FOLDERS, encode_png, has_manifest, verify_input
 from scenarios.mistakes import shown
 from scenarios.output_folder import check_apart, made_by, write_file, write_json
@@ -79,17 +81,33 @@ def irradiate(
 def recorded_exposure_s(source: Path) -> float | None:
     """Exposure that input.json of a clip states, or None."""
     path = source / "input.json"
-    if not os.path.lexists(path):
+    value = _recorded(path, "exposure_s")
+    if value is None:
         return None
-    try:
-        value = read_json(path, MAX_INPUT_BYTES).get("exposure_s")
-    except AttributeError:
-        raise FramesError(f"{path}: must be an object with a key exposure_s") from None
-    except ValueError as error:
-        raise FramesError(f"{path}: {error}") from None
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < 1e4:
         raise FramesError(f"{path}: exposure_s must be > 0 s, got {shown(value)}")
     return float(value)
+
+
+def recorded_tone(source: Path) -> Tone | None:
+    """Tone that input.json of a clip states, or None."""
+    path = source / "input.json"
+    value: Tone | None = _recorded(path, "tone")
+    if value not in (None, "linear", "srgb"):
+        raise FramesError(f"{path}: tone must be linear or srgb, got {shown(value)}")
+    return value
+
+
+def _recorded(path: Path, key: str) -> Any:
+    """A value of input.json; None where there is no such file, or no such key in it."""
+    if not os.path.lexists(path):
+        return None
+    try:
+        return read_json(path, MAX_INPUT_BYTES).get(key)
+    except AttributeError:
+        raise FramesError(f"{path}: must be an object with a key {key}") from None
+    except ValueError as error:
+        raise FramesError(f"{path}: {error}") from None
 
 
 def read_frames(folder: Path) -> tuple[list[str], np.ndarray]:

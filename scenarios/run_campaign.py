@@ -26,12 +26,15 @@ class Study:
     store: Path
 
     def identity(self) -> Identity:
-        """Return what the store holds results of; raises CampaignError without any estimator."""
+        """Return what the store holds results of; raises CampaignError without any estimator, or with one twice."""
         estimators = (*(EstimatorSpec("method", name) for name in self.file.campaign.methods), *self.foreign)
         if not estimators:
             raise CampaignError(
                 f"{self.file.source}: methods: must name one at least, or the command line an estimator"
             )
+        texts = [spec.text for spec in estimators]
+        if twice := next((text for text in texts if texts.count(text) > 1), None):
+            raise CampaignError(f"{self.file.source}: methods: {twice!r} is named twice: a clip would count as two")
         return Identity(self.file.campaign, self.file.fingerprint(), estimators, versions())
 
 

@@ -88,8 +88,10 @@ def _data_of(path_or_name: str | Path) -> tuple[str, dict[str, Any]]:
 
 
 def _at_home(table: Any, source: str) -> Any:
-    """A relative mesh path starts at the scenario file."""
-    return table.model_copy(update={"path": str(Path(source).parent / table.path)}) if table.kind == "mesh" else table
+    """A relative mesh path starts at the scenario file; it is stated whole, for the file is written elsewhere, too."""
+    if table.kind != "mesh":
+        return table
+    return table.model_copy(update={"path": os.path.abspath(Path(source).parent / table.path)})
 
 
 def _mistake_in(override: str, data: dict[str, Any]) -> str | None:

@@ -19,4 +19,5 @@ def inline_toml(value: Any) -> str:
         return "{" + ", ".join(f"{key}={inline_toml(item)}" for key, item in value.items() if item is not None) + "}"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(inline_toml(item) for item in value) + "]"
-    return json.dumps(value)
+    # what JSON escapes by pairs TOML does not know, and it wants one escape that JSON leaves out
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

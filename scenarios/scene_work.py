@@ -31,6 +31,11 @@ class SceneWork:
     limit_s: float
 
 
+def limit_s(base_s: float, estimator: EstimatorSpec) -> float:
+    """How long a scene may take, s: the base for what is ours, and what a foreign estimator is allowed."""
+    return base_s + (0.0 if estimator.kind == "method" else estimator.timeout_s)
+
+
 @dataclass(frozen=True)
 class LeakOutcome:
     """What became of one true leak: its code, and for a found one the error in m and in px of disparity.

@@ -1,5 +1,6 @@
 """A failing scene made plain, as a folder: the scene file, what it looks like, and what cures it."""
 
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -39,8 +40,10 @@ def told(scenario: Scenario, code: str, estimator: EstimatorSpec, file: str = SC
 
 def explain_command(file: str, estimator: EstimatorSpec) -> str:
     """Return the command that shows the failure of a scene file."""
-    text = estimator.text if estimator.kind == "method" else f"'{estimator.text}'"
-    return f"leakloc explain {file} {OPTIONS[estimator.kind]} {text}"
+    words = ["leakloc", "explain", file, OPTIONS[estimator.kind], estimator.text]
+    if estimator.kind != "method" and estimator.timeout_s != EstimatorSpec.timeout_s:
+        words += ["--timeout", f"{estimator.timeout_s:g}"]
+    return shlex.join(words)
 
 
 def picture(scenario: Scenario, estimator: EstimatorSpec) -> bytes:

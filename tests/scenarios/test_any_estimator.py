@@ -143,6 +143,14 @@ def test_an_estimator_that_cannot_be_started_is_refused(clip, kind, text):
         run_estimator(EstimatorSpec(kind, text), clip)
 
 
+@pytest.mark.parametrize(
+    "text", ["tool\x1b {clip} {result}", "tool {clip} {result}\n# more", "t\udce4 {clip} {result}"]
+)
+def test_an_estimator_whose_name_is_no_line_of_text_is_refused(text):
+    with pytest.raises(EstimatorError, match="printable characters on one line"):
+        EstimatorSpec("command", text)
+
+
 def trials(rights, stratum="easy"):
     of = {"all": 1, "in_view": 1, "observable": 1}
     return [

@@ -1,16 +1,20 @@
 """Campaign files: every mistake at once, in the file and in its arms; the same seeds in every arm."""
 
 import json
+from pathlib import Path
 
 import pytest
+import trimesh
 from click.testing import CliRunner
 
 from scenarios.arms import arms_of
 from scenarios.campaign import Campaign
-from scenarios.campaign_file import CAMPAIGNS, CampaignError, read_campaign, repeated
+from scenarios.campaign_file import CAMPAIGNS, CampaignError, CampaignFile, read_campaign, repeated
 from scenarios.cli import main
 from scenarios.draws import seed_of_clip
+from scenarios.estimators import EstimatorSpec
 from scenarios.leaks import resolved
+from scenarios.run_campaign import Study
 from scenarios.scenario_file import read_scenario
 
 BASE = 'scenario = "separated"\n'
@@ -184,3 +188,32 @@ def test_a_campaign_can_be_run_with_other_repeats_and_keeps_its_first_seeds(tmp_
 
 def test_the_schema_of_a_campaign_is_printed():
     assert "axis" in json.loads(CliRunner().invoke(main, ["schema", "campaign"]).output)["properties"]
+
+
+def test_a_space_of_which_some_scene_cannot_be_is_refused_before_it_runs(tmp_path):
+    # the first scene has one leak, the fifth four
+    path = tmp_path / "space.toml"
+    path.write_text(
+        'set = ["layout.min_separation_m=2.4"]\nmethods = ["paper"]\n[space]\nstratum = "nominal"\nscenes = 12\n'
+    )
+    with pytest.raises(CampaignError, match=r"space\.toml: set: .*layout\.min_separation_m: . leaks do not fit"):
+        read_campaign(path)
+
+
+def test_a_campaign_knows_its_mesh_by_what_it_holds(tmp_path):
+    (tmp_path / "s.toml").write_text('[[leak]]\nx_m = 1.0\ny_m = 0.0\n[[structure]]\nkind = "mesh"\npath = "m.stl"\n')
+    (tmp_path / "c.toml").write_text('scenario = "s.toml"\nmethods = ["paper"]\n')
+    with pytest.raises(CampaignError, match=r"scenario: structure\.0\.path: .*m\.stl: No such file"):
+        read_campaign(tmp_path / "c.toml")
+    prints = set()
+    for size_m in (0.1, 0.2, 0.1):
+        trimesh.creation.box((size_m,) * 3).export(tmp_path / "m.stl")
+        prints.add(read_campaign(tmp_path / "c.toml").fingerprint())
+    assert len(prints) == 2
+
+
+def test_an_estimator_named_twice_is_refused():
+    file = CampaignFile("c.toml", Campaign(scenario="plain", methods=("paper",)), "plain")
+    mine = EstimatorSpec("callable", "mine:locate")
+    with pytest.raises(CampaignError, match="'mine:locate' is named twice"):
+        Study(file, (mine, mine), Path("c.db")).identity()

@@ -8,6 +8,7 @@ import sys
 import cv2
 import numpy as np
 import pytest
+import trimesh
 from click.testing import CliRunner
 
 from scenarios.cli import main
@@ -279,3 +280,25 @@ def test_a_data_set_does_not_mix_with_another(tmp_path):
     (tmp_path / "mine" / "notes.txt").write_text("precious")
     assert_refused(run("generate", "separated", "-n", 1, "-o", tmp_path / "mine", *SMALL), "is not empty")
     assert sorted(p.name for p in (tmp_path / "mine").iterdir()) == ["notes.txt"]
+
+
+def test_more_random_leaks_than_fit_are_refused_before_a_folder_is_made(tmp_path):
+    leaks = ", ".join("{x_m=0.1,y_m=0.0}" for _ in range(30))
+    result = run("generate", "plain", "--set", f"leak=[{leaks}]", "-n", 1, "-o", tmp_path / "data", "--workers", 1)
+    assert_refused(result, "30 leaks do not fit that far apart")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_clip_and_a_data_set_with_a_mesh_are_read_back_and_not_mixed_with_another_mesh(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "study").mkdir()
+    with_mesh = '[[leak]]\nx_m = 1.0\ny_m = 0.0\n[[structure]]\nkind = "mesh"\npath = "m.stl"\n'
+    (tmp_path / "study" / "s.toml").write_text(with_mesh)
+    trimesh.creation.box((0.1, 0.1, 0.1)).export(tmp_path / "study" / "m.stl")
+    assert run("simulate", "study/s.toml", "-o", "clip", *SMALL).exit_code == 0
+    exported = run("export", "clip", "--coco", "-o", "out")
+    assert exported.exit_code == 0, exported.output
+    assert run("generate", "study/s.toml", "-n", 1, "-o", "data", "--workers", 1, *SMALL).exit_code == 0
+    trimesh.creation.box((0.2, 0.2, 0.2)).export(tmp_path / "study" / "m.stl")
+    mixed = run("generate", "study/s.toml", "-n", 2, "-o", "data", "--workers", 1, *SMALL)
+    assert_refused(mixed, "is no data set of this scenario")

@@ -21,7 +21,7 @@ from scenarios.lanes import lanes_of
 from scenarios.margins import Margins
 from scenarios.projections import Projections
 from scenarios.run_campaign import local_workers
-from scenarios.scene_work import LeakOutcome, MethodOutcome
+from scenarios.scene_work import LeakOutcome, MethodOutcome, limit_s
 from scenarios.space import NOMINAL
 from scenarios.space_file import read_space
 from scenarios.space_point import n_shares, scenario_of
@@ -231,3 +231,16 @@ def test_ten_planted_failures_are_hunted_shrunk_and_replayed():
     assert met >= 9
     assert shrunk_to_three == met
     assert replayed == met
+
+
+def test_the_cells_of_two_leaks_of_one_scene_with_one_code_are_all_shown():
+    atlas, shares = Atlas(NOMINAL), [0.5] * n_shares(NOMINAL)
+    atlas.add(tried_at(shares, 0, outcome_with("missed.unexplained", "missed.unexplained", "missed.unexplained")))
+    shown = [cell for found in atlas.counterexamples() for cell in atlas.cells_met(found)]
+    assert sorted(map(str, shown)) == sorted(str(cell) for _, cell in atlas.kept)
+    assert len(atlas.counterexamples()) == 1
+
+
+def test_a_foreign_estimator_has_its_time_beside_the_scenes():
+    assert limit_s(120.0, ROBUST) == 120.0
+    assert limit_s(120.0, EstimatorSpec("callable", "mine:locate", 600.0)) == 720.0

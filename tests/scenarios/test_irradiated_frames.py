@@ -1,6 +1,7 @@
 """Gamma hits for a user's own frames: only hits are added, their truth is written, bad frames are refused by name."""
 
 import csv
+import json
 
 import cv2
 import numpy as np
@@ -84,3 +85,17 @@ def test_a_bad_frame_is_refused_by_name_and_nothing_is_written(footage, tmp_path
     assert result.exit_code == 2
     assert "shot2" in result.output
     assert sorted(p.name for p in tmp_path.iterdir()) == ["mine"]
+
+
+@pytest.mark.parametrize(("words", "tone"), [((), "srgb"), (("--tone", "linear"), "linear")])
+def test_the_tone_is_that_of_the_clip_unless_another_is_asked_for(footage, tmp_path, words, tone):
+    (footage / "input.json").write_text('{"exposure_s": 0.1, "tone": "srgb"}')
+    assert run(footage, "-o", tmp_path / "out", "--dose-rate", 10, *words).exit_code == 0
+    assert json.loads((tmp_path / "out" / "noise.json").read_text())["tone"] == tone
+
+
+def test_a_tone_that_is_none_is_refused(footage, tmp_path):
+    (footage / "input.json").write_text('{"exposure_s": 0.1, "tone": "loud"}')
+    result = run(footage, "-o", tmp_path / "out", "--dose-rate", 10)
+    assert result.exit_code == 2
+    assert "tone must be linear or srgb, got 'loud'" in result.output

@@ -12,7 +12,7 @@ from scenarios.leaks import resolved
 from scenarios.rules import violations
 from scenarios.scenario import Scenario
 from scenarios.scenario_file import ScenarioError, library_names, read_scenario, validated
-from scenarios.scenario_toml import scenario_toml
+from scenarios.scenario_toml import inline_toml, scenario_toml
 from scenarios.toml_text import parse_toml
 
 LAMP = "[[lamp]]\nposition_m = [-2.3, 0.0, 0.4]\n"
@@ -227,3 +227,16 @@ def test_any_data_is_a_valid_scenario_or_a_clear_error(data):
 def test_a_description_survives_the_file(text):
     scenario = Scenario(description=text[:2000])
     assert Scenario.model_validate(parse_toml(scenario_toml(scenario))).description == text[:2000]
+
+
+@given(st.text(st.characters(exclude_categories=["Cs"]), max_size=20))
+def test_any_text_inline_reads_back_to_itself(text):
+    assert tomllib.loads(f"key = {inline_toml(text)}")["key"] == text
+
+
+def test_a_mesh_is_stated_by_a_path_that_holds_from_anywhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "study").mkdir()
+    (tmp_path / "study" / "s.toml").write_text('[[structure]]\nkind = "mesh"\npath = "m.stl"\n')
+    (table,) = read_scenario("study/s.toml").structure
+    assert table.path == str(tmp_path / "study" / "m.stl")

@@ -2,6 +2,7 @@
 
 import json
 import math
+import shlex
 import tomllib
 from pathlib import Path
 
@@ -25,6 +26,7 @@ from scenarios.shrink import (
     plainer_scenes,
     shrink,
 )
+from scenarios.shrunk_folder import explain_command
 from scenarios.space import scene_of
 
 MISSED = "missed.unexplained"
@@ -211,3 +213,18 @@ def test_leaks_that_are_drawn_nearer_than_40_cm_are_shrunk_like_others():
     shrunk = last(near, lambda _: {MISSED}).scenario
     assert shrunk.layout is None
     assert len(shrunk.leak) == 1
+
+
+@pytest.mark.parametrize(
+    ("spec", "words"),
+    [
+        (EstimatorSpec("method", "paper"), ["--method", "paper"]),
+        (EstimatorSpec("callable", "mine:locate", 90.0), ["--estimator", "mine:locate", "--timeout", "90"]),
+        (
+            EstimatorSpec("command", "sh -c 'tool \"a b\"' {clip} {result}"),
+            ["--command", "sh -c 'tool \"a b\"' {clip} {result}"],
+        ),
+    ],
+)
+def test_the_command_that_explains_a_scene_can_be_pasted(spec, words):
+    assert shlex.split(explain_command("scene file.toml", spec)) == ["leakloc", "explain", "scene file.toml", *words]
