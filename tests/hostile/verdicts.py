@@ -24,7 +24,7 @@ ROOT = Path(__file__).parents[2]
 LIMIT_S = 1.0
 SLACK = 2.0  # of processor time, where other work shares the caches
 LIMIT_MB = 200
-HANG_S = 30
+HANG_S = 15
 MAX_LINES = 60
 
 
@@ -120,7 +120,7 @@ def leakloc_alone(*words: object, cwd: Path) -> Verdict:
         capture_output=True,
         text=True,
         errors="backslashreplace",
-        timeout=HANG_S,
+        timeout=2 * HANG_S,
         check=False,
     )
     seconds, megabytes = map(float, measures.read_text().split())  # missing when a signal ended it
