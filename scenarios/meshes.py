@@ -3,8 +3,10 @@
 import hashlib
 from pathlib import Path
 
+from leakloc.outside_file import read_regular_file
 from scenarios.scenario import Scenario
 from scenarios.scenario_file import ScenarioError
+from simcam.structures import MAX_MESH_BYTES
 
 
 def mesh_hashes(scenario: Scenario) -> dict[str, str]:
@@ -13,8 +15,8 @@ def mesh_hashes(scenario: Scenario) -> dict[str, str]:
     for number, table in enumerate(scenario.structure):
         if table.kind == "mesh":
             try:
-                content = Path(table.path).read_bytes()
-            except OSError as error:
-                raise ScenarioError(f"structure.{number}.path: {table.path}: {error.strerror}") from None
+                content = read_regular_file(Path(table.path), MAX_MESH_BYTES)
+            except ValueError as error:
+                raise ScenarioError(f"structure.{number}.path: {table.path}: {error}") from None
             hashes[f"structure.{number}"] = hashlib.sha256(content).hexdigest()
     return hashes

@@ -1,6 +1,7 @@
 """Campaign files: every mistake at once, in the file and in its arms; the same seeds in every arm."""
 
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -203,8 +204,12 @@ def test_a_space_of_which_some_scene_cannot_be_is_refused_before_it_runs(tmp_pat
 def test_a_campaign_knows_its_mesh_by_what_it_holds(tmp_path):
     (tmp_path / "s.toml").write_text('[[leak]]\nx_m = 1.0\ny_m = 0.0\n[[structure]]\nkind = "mesh"\npath = "m.stl"\n')
     (tmp_path / "c.toml").write_text('scenario = "s.toml"\nmethods = ["paper"]\n')
-    with pytest.raises(CampaignError, match=r"scenario: structure\.0\.path: .*m\.stl: No such file"):
+    with pytest.raises(CampaignError, match=r"scenario: structure\.0\.path: .*m\.stl: cannot be read: No such file"):
         read_campaign(tmp_path / "c.toml")
+    os.mkfifo(tmp_path / "m.stl")  # it would be waited for
+    with pytest.raises(CampaignError, match=r"m\.stl: must be a regular file"):
+        read_campaign(tmp_path / "c.toml")
+    (tmp_path / "m.stl").unlink()
     prints = set()
     for size_m in (0.1, 0.2, 0.1):
         trimesh.creation.box((size_m,) * 3).export(tmp_path / "m.stl")
