@@ -7,11 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from leakloc.above import placed_by_rows
 from leakloc.beside import drop_beside_shadow, together
 from leakloc.betrayed import with_betrayed
 from leakloc.levelled import LevelPair
 from leakloc.linefit import Profile, fit_bright_line, fit_line
 from leakloc.rig import Array, Rig
+from leakloc.shadows import WALL_PX, stands_on_wall
 from leakloc.signature import bright_sigmas, polarity, signed_profiles
 from leakloc.streaks import Streaks
 from leakloc.tracks import Track
@@ -34,7 +36,6 @@ from leakloc.verdict import (
 
 LEAST_DEPTH_M = 0.2
 BEYOND_WALL = 1.15  # of the pedestal's radius: lines that far out are still shadows on the wall
-WALL_PX = 1.5  # error of a line's disparity when it is asked whether it stands on the wall
 LEAST_GLINT_SHARE = 0.04  # of what the shadow beside takes: walls of a reflectance of 0.5 leave that
 SURE_GLINT_SIGMAS = 12.0  # a drop beside a shadow that also is where another leak throws one
 EDGE_PX = 3.0  # from a view's edge a line is not seen whole
@@ -97,15 +98,6 @@ def may_meet(place_m: Array, level: LevelPair, rig: Rig) -> bool:
     return bool(np.hypot(*place_m) < BEYOND_WALL * rig.pedestal_radius)
 
 
-def stands_on_wall(columns_px: Array, level: LevelPair, rig: Rig) -> bool:
-    """Whether a line may lie on the pedestal's wall or beyond, within the error of its disparity."""
-    if rig.pedestal_radius is None or rig.world_from_left is None:
-        return False
-    error_px = np.array([0.0, WALL_PX])
-    nearer, farther = (level.places_of((columns_px + off_px)[None])[0] for off_px in (-error_px, error_px))
-    return not (np.hypot(*farther) < rig.pedestal_radius and np.hypot(*nearer) < rig.pedestal_radius)
-
-
 def judge(line: Line, views: Sequence[Streaks], stage: tuple[LevelPair, Rig], found: Sequence[Verdict]) -> Verdict:
     """Fit the drop that a line shows, or the drop that its shadow implies and none of the leaks found before is."""
     level, rig = stage
@@ -127,6 +119,11 @@ def judge(line: Line, views: Sequence[Streaks], stage: tuple[LevelPair, Rig], fo
         fit = fit_bright_line(profiles, start_px, stage)
     else:
         fit = fit_line(profiles, start_px, stage, line.columns_px if shadowy else None)
+        if shadowy:
+            columns_px, covariance_px2 = placed_by_rows(
+                fit.columns_px, fit.covariance_px2, line.columns_px, views, stage
+            )
+            fit = replace(fit, columns_px=columns_px, covariance_px2=covariance_px2)
     place_m = level.places_of(fit.columns_px[None])[0]
     if not np.isfinite(place_m).all():
         return Verdict(line, NO_MEETING)
@@ -165,6 +162,8 @@ def _faint(verdict: Verdict) -> bool:
     if verdict.line.track.bright or (verdict.line.polarity > -DARK and not verdict.line.on_wall):
         return False
     if verdict.reason != LEAK or verdict.fit is None:
+        return True
+    if verdict.line.polarity < 0 and not verdict.line.is_shadowy:  # its profile was turned to be bright
         return True
     return bool(together(verdict.fit.glint_sigmas[0], verdict.fit.glint_sigmas[1]) < SURE_GLINT_SIGMAS)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import cv2
@@ -132,7 +133,12 @@ def turned(leaning: Sequence[Streaks], believed: LevelPair, tilt_rad: Array) -> 
     for i, view in enumerate(leaning):
         leaning_px = leaning_columns(believed, tilt_rad, i, view.rows_px, columns)
         stood.append(
-            replace(view, activity=upright(view.activity, leaning_px), glitter=upright(view.glitter, leaning_px))
+            replace(
+                view,
+                activity=upright(view.activity, leaning_px),
+                glitter=upright(view.glitter, leaning_px),
+                pixels=replace(view.pixels, lean_px=partial(leaning_columns, believed, tilt_rad, i)),
+            )
         )
     return stood
 

@@ -26,7 +26,7 @@ WIDTH_REACH_PX, WIDTH_SHARE = 30, 0.2  # how far a shadow is followed, until so 
 LAMP_ERROR_M = 0.1  # by which the lamp may stand beside its believed place
 LEAST_CHI2 = 30.0  # of 5 columns in either view: 1.5e-5, and both at once on some thousand places: below 1e-6 a shadow
 LEAST_SHARE = 0.06  # of the shadow's own height: drops in step with other leaks' leave less
-COLUMN_SIGMA_PX = 0.5  # of the middle of what is bright and dark
+COLUMN_SIGMA_PX = 0.8  # of the middle of what is bright and dark
 
 
 @dataclass(frozen=True, eq=False)

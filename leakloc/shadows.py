@@ -6,7 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from leakloc.levelled import LevelPair
-from leakloc.rig import Array
+from leakloc.rig import Array, Rig
+
+WALL_PX = 1.5  # error of a line's disparity when it is asked whether it stands on the wall
 
 
 def shadow_places(places_m: ArrayLike, lamp_m: Array, radius_m: float) -> Array:
@@ -45,3 +47,12 @@ def ray_to_lamp(shadow_px: Array, lamp: Array, level: LevelPair, radius_m: float
     wall_m = shadow_places((middle_m + seen_m) / 2, middle_m, radius_m)[0]
     towards = lamp[:2] - wall_m
     return wall_m, towards / np.linalg.norm(towards)
+
+
+def stands_on_wall(columns_px: Array, level: LevelPair, rig: Rig, error_px: float = WALL_PX) -> bool:
+    """Whether a line may lie on the pedestal's wall or beyond, within the error of its disparity."""
+    if rig.pedestal_radius is None or rig.world_from_left is None:
+        return False
+    right_px = np.array([0.0, error_px])
+    nearer, farther = (level.places_of((columns_px + off_px)[None])[0] for off_px in (-right_px, right_px))
+    return not (np.hypot(*farther) < rig.pedestal_radius and np.hypot(*nearer) < rig.pedestal_radius)

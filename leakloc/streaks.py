@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from leakloc.background import Frames, TemporalMedian, temporal_median
+from leakloc.pixels import Pixels
 
 Activity = NDArray[np.float32]  # (frames, bands, width), in standard deviations of the band's noise
 
@@ -47,6 +48,7 @@ class Streaks:
     noise, median over the image. `alive` (width,): share of a column's bands that its noise comes from, 1 where all are
     alike: black or white bands say nothing, and the few others speak for all. `relief` (width,): how much a column of
     the median stands out from those beside it, in standard deviations: what falls most of the time stays in the median.
+    `pixels`: what all of it is of.
     """
 
     activity: Activity
@@ -56,6 +58,7 @@ class Streaks:
     noise_grey: float
     alive: NDArray[np.float64]
     relief: NDArray[np.float64]
+    pixels: Pixels
 
 
 def streaks(frames: Frames) -> Streaks:
@@ -75,7 +78,14 @@ def streaks(frames: Frames) -> Streaks:
     activity, glitter = (_steady(one / scale) for one in (sums, glitter))
     usual_grey = float(np.median(noise_grey[_level(median, NOISE_STEP_PX)]))
     return Streaks(
-        activity, glitter, (scale / band_rows).astype(np.float32), rows_px, usual_grey, alive, relief(median)
+        activity,
+        glitter,
+        (scale / band_rows).astype(np.float32),
+        rows_px,
+        usual_grey,
+        alive,
+        relief(median),
+        Pixels(frames, median, noise_grey),
     )
 
 

@@ -53,15 +53,12 @@ def test_clean_every_leak_is_found_within_two_centimetres(name):
     assert false == 0
 
 
-@pytest.mark.parametrize("name", ["separated", "crowded"])
-def test_at_h_every_leak_is_found_by_its_drops_or_by_its_shadow(name):
+@pytest.mark.parametrize(("name", "seed"), [("separated", 1), ("separated", 4), ("crowded", 1)])
+def test_at_h_every_leak_is_found_within_three_centimetres_by_its_drops_or_beside_its_shadow(name, seed):
     frames, scene = clip(name)
-    errors_m, false = errors_and_false(irradiated(frames, 1), scene, rig_of(scene))
-    # 0.22 m from the wall, where hits drown the drop, its shadow tells the way, hardly the distance
-    near_wall = np.array([np.hypot(leak["x_m"], leak["y_m"]) > 2.2 for leak in scene["leaks"]])
-    assert errors_m[~near_wall].max() < 0.03
-    assert errors_m[near_wall].max(initial=0.0) < 0.2
-    assert false == 0
+    errors_m, false = errors_and_false(irradiated(frames, seed), scene, rig_of(scene))
+    assert errors_m.max() < 0.03  # also 0.22 m from the wall, where hits drown the drop and its shadow outshouts it
+    assert false == 0  # under the seed 4 a shadow of a leak in mid-air stands off the wall
 
 
 def test_a_lamp_and_wall_that_are_slightly_wrong_cost_nothing():

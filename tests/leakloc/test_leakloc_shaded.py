@@ -5,11 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from leakloc.background import temporal_median
 from leakloc.fall import FRAMES_PER_S, GRAVITY_M_S2, LEAK_ABOVE_M, STEPS, along_fall, fall_path
 from leakloc.levelled import level_pair
 from leakloc.linefit import Profile
 from leakloc.lineshape import blurred_chord
 from leakloc.nearwall import near_wall
+from leakloc.pixels import Pixels
 from leakloc.rig import Rig
 from leakloc.shaded import drop_of_shadow
 from leakloc.shadows import penumbra_m, ray_to_lamp, shadow_places
@@ -17,6 +19,7 @@ from leakloc.streaks import Streaks
 
 ROWS = np.arange(36) * 15 + 7.0
 LAMP = np.array([[-2.3, 0.0, 0.4, 0.1]])
+NO_PIXELS = Pixels(np.zeros((1, 1, 1), np.uint8), temporal_median(np.zeros((1, 1, 1), np.uint8)), np.ones(511))
 
 
 def with_lamp(rig):
@@ -99,6 +102,7 @@ def shadowed_views(level, place, rng, drop_amplitude):
                 1.0,
                 np.ones(960),
                 np.zeros(960),
+                NO_PIXELS,
             )
         )
     return views, shadow_px
