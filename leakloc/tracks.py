@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
@@ -48,10 +49,26 @@ def peaks(values: NDArray[np.floating], least: float, apart_px: int = APART_PX) 
     return np.flatnonzero((values > least) & (windows.argmax(axis=1) == apart_px))
 
 
+def candidates(held: Sigmas, lowest: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Left and right columns that may be lines', ascending: peaks of each column's best agreement, and more.
+
+    A line on the flank of a stronger one is no peak of its view; what it shares with the other view still is one among
+    all pairs.
+    """
+    of_views = [peaks(held.max(axis=axis), lowest) for axis in (1, 0)]
+    near = np.ones((2 * APART_PX + 1, 2 * APART_PX + 1), np.uint8)
+    top = (held > lowest) & (held == cv2.dilate(held, near))
+    for view, columns in enumerate(np.nonzero(top)):
+        for column in columns[np.argsort(-held[top], kind="stable")]:
+            if np.abs(of_views[view] - column).min(initial=APART_PX + 1) > APART_PX:
+                of_views[view] = np.sort(np.append(of_views[view], column))
+    return of_views[0], of_views[1]
+
+
 def match_tracks(sigmas: Sigmas, least_sigmas: Sigmas) -> list[Track]:
     """Pairs of columns at the greatest total likelihood, none used twice, strongest first.
 
-    Candidates are the peaks of each view's best agreement (N lines would pair in N^2 ways); a pair gains sigmas^2, and
+    Candidates are peaks (N lines would pair in N^2 ways); a pair gains sigmas^2, and
     both columns staying single costs least_sigmas^2, so nothing below the threshold, which is each pair's own, is
     matched; where it is infinite, nothing is.
     """
@@ -59,7 +76,7 @@ def match_tracks(sigmas: Sigmas, least_sigmas: Sigmas) -> list[Track]:
     price = least_sigmas**2 - lowest**2  # over that of the pairs that come cheapest
     held = np.where(sigmas > 0, sigmas, 0) ** 2 - price
     held = np.sqrt(np.maximum(held, 0), out=held)
-    left, right = peaks(held.max(axis=1), lowest), peaks(held.max(axis=0), lowest)
+    left, right = candidates(held, lowest)
     if not len(left) or not len(right):
         return []
     pairs = _best_near(held, left, right)
