@@ -57,20 +57,25 @@ def candidates(held: Sigmas, lowest: float) -> tuple[NDArray[np.intp], NDArray[n
     """
     of_views = [peaks(held.max(axis=axis), lowest) for axis in (1, 0)]
     near = np.ones((2 * APART_PX + 1, 2 * APART_PX + 1), np.uint8)
-    top = (held > lowest) & (held == cv2.dilate(held, near))
-    for view, columns in enumerate(np.nonzero(top)):
-        for column in columns[np.argsort(-held[top], kind="stable")]:
-            if np.abs(of_views[view] - column).min(initial=APART_PX + 1) > APART_PX:
-                of_views[view] = np.sort(np.append(of_views[view], column))
-    return of_views[0], of_views[1]
+    tops = np.where((held > lowest) & (held == cv2.dilate(held, near)), held, 0)
+    left, right = (_with_more(known, tops.max(axis=1 - view)) for view, known in enumerate(of_views))
+    return left, right
+
+
+def _with_more(columns_px: NDArray[np.intp], heights: NDArray[np.floating]) -> NDArray[np.intp]:
+    """Columns, and those of a height (width,) that are not near any of them, highest first; ascending."""
+    for column in np.argsort(-heights, kind="stable")[: np.count_nonzero(heights)]:
+        if np.abs(columns_px - column).min(initial=APART_PX + 1) > APART_PX:
+            columns_px = np.append(columns_px, column)
+    return np.sort(columns_px)
 
 
 def match_tracks(sigmas: Sigmas, least_sigmas: Sigmas) -> list[Track]:
     """Pairs of columns at the greatest total likelihood, none used twice, strongest first.
 
-    Candidates are peaks (N lines would pair in N^2 ways); a pair gains sigmas^2, and
-    both columns staying single costs least_sigmas^2, so nothing below the threshold, which is each pair's own, is
-    matched; where it is infinite, nothing is.
+    Candidates are peaks (N lines would pair in N^2 ways); a pair gains sigmas^2, and both columns staying single costs
+    least_sigmas^2, so nothing below the threshold, which is each pair's own, is matched; where it is infinite, nothing
+    is.
     """
     lowest = float(least_sigmas.min())
     price = least_sigmas**2 - lowest**2  # over that of the pairs that come cheapest

@@ -127,6 +127,18 @@ def test_lines_are_matched_in_any_order_and_none_twice(order, seed):
     assert {(t.left_px, t.right_px) for t in tracks} == {(10 + 20 * i, 12 + 20 * j) for i, j in enumerate(order)}
 
 
+def test_a_line_on_the_flank_of_a_stronger_one_is_matched_too():
+    columns = np.arange(120)
+    broad = np.exp(-0.5 * ((columns - 50) / 4) ** 2)[:, None] * np.exp(-0.5 * ((columns - 70) / 4) ** 2)
+    for turned in (False, True):
+        sigmas = (14 * broad).astype(np.float32)
+        sigmas[55, 30] = 8.0
+        sigmas = np.ascontiguousarray(sigmas.T) if turned else sigmas
+        tracks = match_tracks(sigmas, np.full((120, 120), 5.0, np.float32))
+        found = {(t.left_px, t.right_px)[:: -1 if turned else 1] for t in tracks}
+        assert found == {(50, 70), (55, 30)}
+
+
 def test_below_the_price_nothing_is_matched():
     sigmas = np.zeros((60, 60), np.float32)
     sigmas[20, 30] = 4.9
