@@ -163,7 +163,7 @@ def _faint(verdict: Verdict) -> bool:
         return False
     if verdict.reason != LEAK or verdict.fit is None:
         return True
-    if verdict.line.polarity < 0 and not verdict.line.is_shadowy:  # its profile was turned to be bright
+    if verdict.line.polarity < 0 and not verdict.line.is_shadowy:  # bright in its profile as any line not turned
         return True
     return bool(together(verdict.fit.glint_sigmas[0], verdict.fit.glint_sigmas[1]) < SURE_GLINT_SIGMAS)
 

@@ -13,6 +13,13 @@ Sigmas = NDArray[np.float32]  # (width left, width right), standard deviations o
 
 APART_PX = 3  # two peaks nearer than this are one
 BRIGHT_SHARE = 1.35  # of the threshold, for bright lines: hits leave sparse samples, whose chance has a longer tail
+BEFORE = (np.arange((2 * APART_PX + 1) ** 2) < 2 * APART_PX * (APART_PX + 1)).astype(
+    np.uint8
+)  # of equals, the first is
+BEFORE = BEFORE.reshape(2 * APART_PX + 1, -1)  # the peak
+AFTER = np.ascontiguousarray(BEFORE[::-1, ::-1])
+LINE_PX = 16  # pairs nearer than this in both views may be one broad line
+MOST_TOPS = 200  # that are looked at, highest first
 NEAR_PX = 1  # a pair's agreement is the best within this of both columns
 
 
@@ -53,21 +60,22 @@ def candidates(held: Sigmas, lowest: float) -> tuple[NDArray[np.intp], NDArray[n
     """Left and right columns that may be lines', ascending: peaks of each column's best agreement, and more.
 
     A line on the flank of a stronger one is no peak of its view; what it shares with the other view still is one among
-    all pairs.
+    all pairs, away from the stronger one's there.
     """
-    of_views = [peaks(held.max(axis=axis), lowest) for axis in (1, 0)]
-    near = np.ones((2 * APART_PX + 1, 2 * APART_PX + 1), np.uint8)
-    tops = np.where((held > lowest) & (held == cv2.dilate(held, near)), held, 0)
-    left, right = (_with_more(known, tops.max(axis=1 - view)) for view, known in enumerate(of_views))
-    return left, right
+    tops = np.argwhere((held > lowest) & (held > cv2.dilate(held, BEFORE)) & (held >= cv2.dilate(held, AFTER)))
+    tops = tops[np.argsort(-held[tops[:, 0], tops[:, 1]], kind="stable")][:MOST_TOPS]
+    return _candidates(held, tops, lowest), _candidates(held.T, tops[:, ::-1], lowest)
 
 
-def _with_more(columns_px: NDArray[np.intp], heights: NDArray[np.floating]) -> NDArray[np.intp]:
-    """Columns, and those of a height (width,) that are not near any of them, highest first; ascending."""
-    for column in np.argsort(-heights, kind="stable")[: np.count_nonzero(heights)]:
-        if np.abs(columns_px - column).min(initial=APART_PX + 1) > APART_PX:
-            columns_px = np.append(columns_px, column)
-    return np.sort(columns_px)
+def _candidates(held: Sigmas, tops: NDArray[np.intp], lowest: float) -> NDArray[np.intp]:
+    """Columns of the first view that may be lines', from peaks, and and tops (n, 2) that are no part of those."""
+    columns_px = peaks(held.max(axis=1), lowest)
+    lines = np.column_stack([columns_px, held[columns_px].argmax(axis=1)])
+    for top in tops:
+        beside = np.abs(lines - top)
+        if not ((beside < LINE_PX).all(axis=1) | (beside[:, 0] <= APART_PX)).any():
+            lines = np.vstack([lines, top])
+    return np.sort(lines[:, 0])
 
 
 def match_tracks(sigmas: Sigmas, least_sigmas: Sigmas) -> list[Track]:

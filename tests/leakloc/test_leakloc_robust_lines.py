@@ -139,6 +139,13 @@ def test_a_line_on_the_flank_of_a_stronger_one_is_matched_too():
         assert found == {(50, 70), (55, 30)}
 
 
+def test_a_plateau_is_one_line():
+    sigmas = np.zeros((120, 120), np.float32)
+    sigmas[40:52, 60:72] = 9.0
+    tracks = match_tracks(sigmas, np.full((120, 120), 5.0, np.float32))
+    assert [(t.left_px, t.right_px) for t in tracks] == [(40, 60)]
+
+
 def test_below_the_price_nothing_is_matched():
     sigmas = np.zeros((60, 60), np.float32)
     sigmas[20, 30] = 4.9
