@@ -62,8 +62,8 @@ def placed_by_rows(
     """A drop's columns (2,) and their covariance (2, 2) once the rows between it and its shadow have been asked.
 
     The two are independent: one is of the profiles across the columns, the other is blind to what passes with the
-    shadow. Nothing changes where the place is sure already, where the rows say nothing, and with
-    several lamps, for then a shadow has several rays. Where the two contradict, rows are right.
+    shadow. Nothing changes where the place is sure already, where the rows say nothing, and with several lamps, for
+    then a shadow has several rays. Where the two contradict, rows are right.
     """
     level, rig = stage
     apart = np.array([1.0, -1.0])

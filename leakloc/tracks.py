@@ -13,11 +13,9 @@ Sigmas = NDArray[np.float32]  # (width left, width right), standard deviations o
 
 APART_PX = 3  # two peaks nearer than this are one
 BRIGHT_SHARE = 1.35  # of the threshold, for bright lines: hits leave sparse samples, whose chance has a longer tail
-BEFORE = (np.arange((2 * APART_PX + 1) ** 2) < 2 * APART_PX * (APART_PX + 1)).astype(
-    np.uint8
-)  # of equals, the first is
-BEFORE = BEFORE.reshape(2 * APART_PX + 1, -1)  # the peak
-AFTER = np.ascontiguousarray(BEFORE[::-1, ::-1])
+WINDOW_PX = 2 * APART_PX + 1
+FIRST = np.arange(WINDOW_PX**2).reshape(WINDOW_PX, -1) < WINDOW_PX**2 // 2  # of equals the first is the peak
+BEFORE, AFTER = FIRST.astype(np.uint8), FIRST[::-1, ::-1].astype(np.uint8)
 LINE_PX = 16  # pairs nearer than this in both views may be one broad line
 MOST_TOPS = 200  # that are looked at, highest first
 NEAR_PX = 1  # a pair's agreement is the best within this of both columns
@@ -68,7 +66,7 @@ def candidates(held: Sigmas, lowest: float) -> tuple[NDArray[np.intp], NDArray[n
 
 
 def _candidates(held: Sigmas, tops: NDArray[np.intp], lowest: float) -> NDArray[np.intp]:
-    """Columns of the first view that may be lines', from peaks, and and tops (n, 2) that are no part of those."""
+    """Columns of the first view that may be lines', from peaks, and from tops (n, 2) that are no part of those."""
     columns_px = peaks(held.max(axis=1), lowest)
     lines = np.column_stack([columns_px, held[columns_px].argmax(axis=1)])
     for top in tops:
