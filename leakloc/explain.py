@@ -73,7 +73,7 @@ def understand(track: Track, views: Sequence[Streaks], level: LevelPair, rig: Ri
         side = held
     if on_wall and side < 0:  # the background of a busy shadow is dark: its pauses look bright
         track = replace(track, bright=False)
-    return Line(track, columns_px, level.places_of(columns_px[None])[0], 1.0 if track.bright else side, on_wall)
+    return Line(track, columns_px, level.places_of(columns_px[None])[0], side, on_wall)
 
 
 def median_side(columns_px: Array, views: Sequence[Streaks]) -> float:
@@ -158,8 +158,13 @@ def _clearest(
 
 
 def _faint(verdict: Verdict) -> bool:
-    """Whether a line that is not bright for certain shows no drop of its own, or hardly."""
-    if verdict.line.track.bright or (verdict.line.polarity > -DARK and not verdict.line.on_wall):
+    """Whether a line that is not bright for certain shows no drop of its own, or hardly.
+
+    What brightens in step in both views, though what passes is dark there, are the pauses of a busy shadow.
+    """
+    if verdict.line.track.bright:
+        return verdict.line.polarity < DARK
+    if verdict.line.polarity > -DARK and not verdict.line.on_wall:
         return False
     if verdict.reason != LEAK or verdict.fit is None:
         return True

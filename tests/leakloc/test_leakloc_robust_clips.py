@@ -61,6 +61,21 @@ def test_two_lamps_glints_are_told_apart_and_their_shadows_are_no_leaks(seed):
     assert result.worst_error_m < 0.02
 
 
+CRISP = (
+    *("layout.z_m=1.0", "lamp.0.radius_m=0.06", "layout.wall_margin_m=0.05"),
+    *("pedestal.steel_reflectance=0.04", "pedestal.rust_reflectance=0.09"),
+)
+
+
+@pytest.mark.parametrize("dose_rate_gy_h", [1.7, 10.0])
+def test_the_pauses_of_busy_shadows_brighten_in_step_and_are_no_leaks(dose_rate_gy_h):
+    result, estimate = scored("separated", 1908161254856616120, *CRISP, f"gamma.dose_rate_gy_h={dose_rate_gy_h}")
+    assert result.observable.found == result.observable.of == 3
+    assert result.false == ()
+    pauses = [line for line in estimate.diagnostics["lines"] if line["polarity"] < 0 < line["sigmas"] < 12]
+    assert "shadow of a leak" in {line["verdict"] for line in pauses}
+
+
 def test_the_shadows_of_seven_leaks_are_no_leaks():
     result, estimate = scored("seven", 1000)
     assert result.observable.found == result.observable.of == 4
