@@ -140,7 +140,7 @@ def test_the_bars_of_the_papers_method_go_by_its_own_rule():
 def test_of_the_missed_leaks_in_view_the_bar_says_how_many_nobody_could_tell_apart(code, told):
     missed = replace(leak(1, 2.2, 0.0, code), observable=code != "missed.merged")
     bars = bars_of(None, experiment_rows(SEPARATED, [clip(0, [FOUND, missed], [(1.1, 0.0)])]))
-    assert bars[1].got == f"0 out of view, 1 in view ({told} of them not observable)"
+    assert bars[1].got == f"0 out of view, 1 in view ({told} not observable)"
 
 
 def test_where_no_leak_is_found_the_report_says_so_and_prints_no_undefined_number():
