@@ -104,7 +104,7 @@ def _robust(row: Row) -> Iterator[Bar]:
 
 
 def _told_missed(part: Tally) -> str:
-    """Return where missed leaks are; of those in view some nobody could tell apart, hidden behind another leak say."""
+    """Return where missed leaks are; of those in view some are not observable, say merged with another leak."""
     told, observable = f"{part.missed_out_of_view} out of view, {part.missed_in_view} in view", part.found["observable"]
     hidden = part.missed_in_view - (observable.of_leaks - observable.leaks)
     return told if part.missed_in_view == 0 else f"{told} ({hidden} not observable)"

@@ -14,6 +14,7 @@ from scenarios.campaign_file import CAMPAIGNS, CampaignError, CampaignFile, read
 from scenarios.cli import main
 from scenarios.draws import seed_of_clip
 from scenarios.estimators import EstimatorSpec
+from scenarios.evaluation import EXPERIMENTS
 from scenarios.leaks import resolved
 from scenarios.run_campaign import Study
 from scenarios.scenario_file import read_scenario
@@ -222,3 +223,13 @@ def test_an_estimator_named_twice_is_refused():
     mine = EstimatorSpec("callable", "mine:locate")
     with pytest.raises(CampaignError, match="'mine:locate' is named twice"):
         Study(file, (mine, mine), Path("c.db")).identity()
+
+
+def test_what_stands_for_the_unpublished_is_the_same_in_all_campaigns_of_the_paper():
+    chosen = set()
+    for experiment in EXPERIMENTS:
+        for scene in read_campaign(experiment.campaign).scenes():
+            drips = scene.scenario.leak or (scene.scenario.layout,)
+            drops = {(drip.z_m, drip.drop_radius_m, drip.drip_period_s) for drip in drips}
+            chosen.add((str(scene.scenario.pedestal), str(scene.scenario.lamp), *drops))
+    assert len(chosen) == 1
