@@ -2,7 +2,7 @@
 
 Part 1, over seeds, with stand-ins that do not render: scenes until the failure is met, and how many of the ten within
 the budget. Part 2 (--real), rendered, once per failure on 2 workers: scenes and seconds until it is met, what it is
-shrunk to, and whether the file replays; random sampling sees as many scenes as hunts render in the seconds of one.
+shrunk to, and whether the file replays; random sampling is rendered for the seconds of one hunt.
 """
 
 import argparse
@@ -34,6 +34,7 @@ from scenarios.space_point import n_shares, scenario_of  # noqa: E402
 NEVER = 10**6
 CODE = "missed.unexplained"
 MOST_FIELDS = 3
+RANDOM_SCENES, BATCH = 4000, 48
 
 
 def hunted_without_rendering(planted, seed, budget):
@@ -95,20 +96,19 @@ def rendered(budget_s, n_workers, seed):
             total_s += took_s
             needed.append(n_scenes)
             if found is None:
-                print(f"{planted.words:<58} {'-':>7} {took_s:5.0f}", flush=True)
+                print(f"{planted.words:<58} {f'> {n_scenes}':>7} {took_s:5.0f}", flush=True)
                 continue
             *_, plain = shrink(found.scenario, CODE, codes_of(spec), _leak_met(planted, found))
             fields = conditions(plain.scenario)
             shown.append((len(fields) <= MOST_FIELDS, _replays(plain.scenario, spec)))
             cells = f"{n_scenes:>7} {took_s:5.0f} {len(fields):>6} {'yes' if shown[-1][1] else 'NO':>7}"
             print(f"{planted.words:<58} {cells}  {', '.join(fields) or '(plain)'}", flush=True)
-        n_random = round(sum(needed) * budget_s / total_s)
-        until = _rendered_at_random(lanes, n_random, seed)
-        print(f"hunt: {len(shown)} of {len(PLANTED)} met, after {needed} scenes")
+        print(f"hunt: {len(shown)} of {len(PLANTED)} met, {sum(needed) / total_s:.2f} scenes a second", flush=True)
+        until, n_random = _rendered_at_random(lanes, budget_s, seed)
         met = sum(one < NEVER for one in until)
         sooner = sum(one <= other for one, other in zip(until, needed, strict=True))
-        print(f"random: {met} met, after {list(map(_scenes, until))}, in {n_random} scenes, what hunts render in")
-        print(f"{budget_s:g} s; {sooner} within the scenes that the hunt took", flush=True)
+        print(f"random: {met} met, after {list(map(_scenes, until))}, in the {n_random} scenes of {budget_s:g} s;")
+        print(f"{sooner} within the scenes that the hunt took", flush=True)
     return len(shown), sum(few for few, _ in shown), sum(same for _, same in shown)
 
 
@@ -131,20 +131,22 @@ def _hunted(quarry, planted, lanes, budget_s):
     raise AssertionError("unreachable: hunts have no end")
 
 
-def _rendered_at_random(lanes, n_scenes, seed):
-    """Scenes of a rendered random sample until each failure is met: an observable leak stands in its range."""
-    works = [
-        SceneWork(i, scene, (EstimatorSpec("method", "paper"),), 300.0)  # quick, and only the truth is looked at
-        for i, scene in enumerate(random_scenes(10_000 + seed, n_scenes))
-    ]
-    until = [NEVER] * len(PLANTED)
-    for outcome in lanes.done([[work] for work in works]):
-        scene = works[outcome.number].scenario
-        for i, planted in enumerate(PLANTED):
-            places = [(leak.x_m, leak.y_m) for leak in outcome.runs[0].leaks if leak.observable]
-            if any(planted.is_blind(situation_of(scene, *place)) for place in places):
-                until[i] = min(until[i], outcome.number + 1)
-    return until
+def _rendered_at_random(lanes, budget_s, seed):
+    """Scenes of a random sample until each failure is met (an observable leak stands in its range), and how many."""
+    spec = EstimatorSpec("callable", "planted_failures:planted_0")  # any of the ten: the truth is looked at
+    until, number = [NEVER] * len(PLANTED), 0
+    scenes = random_scenes(10_000 + seed, RANDOM_SCENES)
+    start_s = time.monotonic()
+    while time.monotonic() - start_s < budget_s:
+        works = [SceneWork(number + i, one, (spec,), 300.0) for i, one in enumerate(scenes[number : number + BATCH])]
+        number += len(works)
+        for outcome in lanes.done([[work] for work in works]):
+            scene = scenes[outcome.number]
+            for i, planted in enumerate(PLANTED):
+                places = [(leak.x_m, leak.y_m) for leak in outcome.runs[0].leaks if leak.observable]
+                if any(planted.is_blind(situation_of(scene, *place)) for place in places):
+                    until[i] = min(until[i], outcome.number + 1)
+    return until, number
 
 
 def _replays(scenario, spec):

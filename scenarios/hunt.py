@@ -13,6 +13,7 @@ from scenarios.draws import Stream, rng_for, seed_of_clip
 from scenarios.estimators import EstimatorSpec
 from scenarios.hunt_moves import Known, downhill, filling, spreading
 from scenarios.lanes import Lanes
+from scenarios.scenario import Scenario
 from scenarios.scene_work import MethodOutcome, SceneWork, limit_s
 from scenarios.space import Space
 from scenarios.space_point import n_shares, scenario_of
@@ -20,7 +21,7 @@ from scenarios.space_point import n_shares, scenario_of
 N_START = 32
 ROUND = 12
 DOWNHILL, SPREADING = 3, 2
-"""Of a round, at most; the rest fills gaps."""
+"""Of a round, at most: as many as of the last ones showed something new, at least one. The rest fills gaps."""
 
 SCENE_LIMIT_S = 120.0
 Evaluate = Callable[[Sequence[SceneWork]], list[MethodOutcome]]
@@ -40,7 +41,8 @@ def hunt(quarry: Quarry, evaluate: Evaluate, n_scenes: int | None = None) -> Ite
     """Yield round after round of scenes tried, without end or until there are `n_scenes`; an `Atlas` keeps failures.
 
     The first round is quasi-random (scrambled Sobol); in the others some scenes go downhill from the smallest margins,
-    some carry known failures into cells where their code was not seen, and the rest fill the gaps that are left.
+    some carry known failures into cells where their code was not seen, and the rest fill the gaps that are left. What
+    brings nothing new makes room for filling: margins lead nowhere when failures are not at the end of a slope.
     """
     known, number = Known(quarry.space), 0
     while n_scenes is None or number < n_scenes:
@@ -67,10 +69,16 @@ def on_lanes(lanes: Lanes) -> Evaluate:
     """Return the evaluation of scenes on workers."""
 
     def evaluate(works: Sequence[SceneWork]) -> list[MethodOutcome]:
-        done = {outcome.number: outcome.runs[0] for outcome in lanes.done([[work] for work in works])}
+        longest_first = sorted(works, key=lambda work: -_length(work.scenario))  # no lane is idle for long at the end
+        done = {outcome.number: outcome.runs[0] for outcome in lanes.done([[work] for work in longest_first])}
         return [done[work.number] for work in works]
 
     return evaluate
+
+
+def _length(scenario: Scenario) -> int:
+    """What a scene's time grows with: pixels, and drops in them."""
+    return scenario.rig.width_px * scenario.rig.height_px * scenario.recording.n_frames * (1 + len(scenario.leak))
 
 
 def _start(quarry: Quarry) -> list[Move]:
@@ -86,7 +94,7 @@ def _start(quarry: Quarry) -> list[Move]:
 
 def _next(quarry: Quarry, known: Known, number: int) -> list[Move]:
     rng = rng_for(quarry.seed, Stream.HUNT, number)
-    moves = downhill(known, DOWNHILL, rng=rng)
-    moves += spreading(known, SPREADING, rng=rng)
+    moves = downhill(known, known.paying("downhill", DOWNHILL), rng=rng)
+    moves += spreading(known, known.paying("spreading", SPREADING), rng=rng)
     seeds = [seed_of_clip(quarry.seed, number + i) for i in range(len(moves), ROUND)]
     return moves + filling(known, seeds, rng=rng)

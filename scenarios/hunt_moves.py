@@ -4,6 +4,7 @@ import numpy as np
 
 from scenarios.atlas import Atlas, Move, Tried, cells_of
 from scenarios.hunted import Cell
+from scenarios.margins import SHOULD_BE_RIGHT
 from scenarios.projections import Projections
 from scenarios.space import Space
 from scenarios.space_point import n_shares, n_values, parameters, places, scenario_of, trials_of
@@ -18,6 +19,9 @@ FIRST_STEP = 0.15
 STEPS_OF_A_SIZE = 3
 
 LAST_STEP = 0.02
+MEMORY = 24
+"""Moves of a kind by which the next are measured."""
+
 N_CANDIDATES = 400
 TRIES = 20
 
@@ -33,6 +37,8 @@ class Known:
         self.parents: dict[Move, Tried] = {}
         self.vain_steps: dict[Move, int] = {}
         self.carried: set[tuple[str, int, Cell]] = set()
+        self.paid: dict[str, list[bool]] = {}
+        self.narrowest = SHOULD_BE_RIGHT
         self.seen = Projections(n_values(space))
         self.visibility = Visibility()
 
@@ -43,13 +49,26 @@ class Known:
         self.tried.append(tried)
         self.seen.add(trials[observable])
         self.visibility.add(trials, observable)
-        self.atlas.add(tried)
+        self.paid.setdefault(tried.move.origin, []).append(self._shows_something_new(tried))
         if tried.move in self.parents:
             parent = self.parents[tried.move]
             went_down = tried.run.margins.least < parent.run.margins.least
             vain = self.vain_steps.get(parent.move, 0)
             # downhill from the child from now on; a parent is come back to only when its children lead nowhere
             self.vain_steps[parent.move] = vain + (0 if went_down else 1)
+
+    def paying(self, origin: str, most: int) -> int:
+        """Return how many moves of a kind are worth while: as many as of the last ones showed something new, or one."""
+        recent = self.paid.get(origin, [])[-MEMORY:]
+        return most if len(recent) < MEMORY else min(max(sum(recent), 1), most)
+
+    def _shows_something_new(self, tried: Tried) -> bool:
+        """Whether a scene opens a cell of the atlas, or is right by less than any before: add it to both."""
+        cells_before, narrowest_before = len(self.atlas.kept), self.narrowest
+        self.atlas.add(tried)
+        if tried.run.margins.least >= 0.0:
+            self.narrowest = min(self.narrowest, tried.run.margins.least)
+        return len(self.atlas.kept) > cells_before or self.narrowest < narrowest_before
 
 
 def observable_of(tried: Tried, n_trials: int) -> np.ndarray:
@@ -108,22 +127,22 @@ def filling(known: Known, seeds: list[int], *, rng: np.random.Generator) -> list
 
     What a leak would fill counts by its chance to be observable: where nothing can be seen nothing is tried.
     """
-    space = known.space
-    seen = known.seen.copy()
-    moves = []
+    space, seen = known.space, known.seen.copy()
+    candidates = [tuple(map(float, shares)) for shares in rng.random((N_CANDIDATES, n_shares(space)))]
+    trials = [trials_of(space, shares) for shares in candidates]
+    owner = np.repeat(np.arange(len(trials)), [len(rows) for rows in trials])
+    rows = np.concatenate(trials)
+    boxes, chance = seen.boxes(rows), known.visibility.chance(rows)
+    moves: list[Move] = []
+    left = np.ones(len(candidates), dtype=bool)
     for seed in seeds:
-        candidates = [tuple(map(float, rng.random(n_shares(space)))) for _ in range(N_CANDIDATES)]
-        trials = [trials_of(space, shares) for shares in candidates]
-        rows = np.concatenate(trials)
-        chance = known.visibility.chance(rows)
-        owner = np.repeat(np.arange(len(trials)), [len(part) for part in trials])
-        promise = np.bincount(owner, weights=chance * seen.gain(rows))
+        promise = np.where(left, np.bincount(owner, weights=chance * seen.gain(boxes)), -1.0)
         for best in np.argsort(-promise, kind="stable"):
+            left[best] = False
             if scenario_of(space, candidates[best], seed) is not None:
                 break
         moves.append(Move(candidates[best], seed, "filling"))
-        likely = chance[owner == best] > 0.5
-        seen.add(trials[best][likely])
+        seen.fill(boxes[(owner == best) & (chance > 0.5)])
     return moves
 
 

@@ -9,12 +9,28 @@ same for discrete parameters (Cohen et al., IEEE Trans. Software Eng. 23, 1997),
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 
 FINER = 2
 """Boxes of two sizes are watched: about as many as trials, and this many halvings smaller."""
+
+WEIGHTS = (1.0, 0.5)
+"""Of a gap of either size."""
+
+
+@dataclass(frozen=True)
+class Boxes:
+    """The boxes that trials lie in: of either size, places in the table of what is filled, (trials, pairs * shapes)."""
+
+    of_size: tuple[NDArray[np.intp], ...]
+
+    def __getitem__(self, trials: NDArray[np.bool_]) -> "Boxes":
+        """Return those of some of the trials."""
+        return Boxes(tuple(places[trials] for places in self.of_size))
 
 
 class Projections:
@@ -23,10 +39,10 @@ class Projections:
     def __init__(self, n_values: Sequence[float]) -> None:
         """Begin without trials. `n_values`: how many values each parameter can take; its boxes are never finer."""
         self._n_values = np.array(n_values, dtype=float)
-        self._pairs = list(combinations(range(len(n_values)), 2)) or [(0, 0)]
+        self._pairs = np.array(list(combinations(range(len(n_values)), 2)) or [(0, 0)]).T
         self._trials = np.zeros((0, len(n_values)))
-        self._size = -1
-        self._filled: list[np.ndarray] = []
+        self._size = 0
+        self._filled = self._none_filled()
 
     def copy(self) -> "Projections":
         """Return a copy that can be added to."""
@@ -36,34 +52,40 @@ class Projections:
         return other
 
     def add(self, trials: np.ndarray) -> None:
-        """Add trials (n, parameters)."""
+        """Add trials (n, parameters). Boxes get smaller as trials get more."""
         self._trials = np.concatenate([self._trials, trials])
         size = max(int(math.log2(len(self._trials))), 1) if len(self._trials) else 0
         if size != self._size:
             self._size = size
-            self._filled = [np.zeros((len(self._pairs), 2**k, k + 1), dtype=bool) for k in self._sizes()]
+            self._filled = self._none_filled()
             trials = self._trials
-        for filled, k in zip(self._filled, self._sizes(), strict=True):
-            for pair, shape, boxes in self._boxes(trials, k):
-                filled[pair, boxes, shape] = True
+        self.fill(self.boxes(trials))
 
-    def gain(self, trials: np.ndarray) -> np.ndarray:
-        """How many boxes each of the trials (n, parameters) would be the first to fill, (n,)."""
-        if not self._filled:
-            return np.ones(len(trials))
-        gain = np.zeros(len(trials))
-        for weight, filled, k in zip((1.0, 0.5), self._filled, self._sizes(), strict=True):
-            for pair, shape, boxes in self._boxes(trials, k):
-                gain += weight * ~filled[pair, boxes, shape]
-        return gain
+    def boxes(self, trials: np.ndarray) -> Boxes:
+        """Return the boxes of trials (n, parameters), valid until trials are added."""
+        return Boxes(tuple(self._places(trials, k) for k in self._sizes()))
+
+    def fill(self, boxes: Boxes) -> None:
+        """Take boxes for filled."""
+        for filled, places in zip(self._filled, boxes.of_size, strict=True):
+            filled[places] = True
+
+    def gain(self, boxes: Boxes) -> np.ndarray:
+        """How many boxes each of the trials would be the first to fill, (n,)."""
+        of_sizes = zip(WEIGHTS, self._filled, boxes.of_size, strict=True)
+        return np.asarray(sum(weight * (~filled[places]).sum(axis=1) for weight, filled, places in of_sizes))
 
     def _sizes(self) -> tuple[int, int]:
         return self._size, self._size + FINER
 
-    def _boxes(self, trials: np.ndarray, k: int):  # type: ignore[no-untyped-def]
-        halves = np.arange(k + 1)
-        n_bins = np.minimum(2.0 ** halves[:, None], self._n_values)  # (k + 1, parameters)
-        bins = np.minimum((trials[None] * n_bins[:, None]).astype(int), n_bins[:, None].astype(int) - 1)
-        for pair, (one, other) in enumerate(self._pairs):
-            for a in range(k + 1):
-                yield pair, a, bins[a, :, one] * int(min(2.0 ** (k - a), self._n_values[other])) + bins[k - a, :, other]
+    def _none_filled(self) -> list[NDArray[np.bool_]]:
+        return [np.zeros(self._pairs.shape[1] * (k + 1) * 2**k, dtype=bool) for k in self._sizes()]
+
+    def _places(self, trials: np.ndarray, k: int) -> NDArray[np.intp]:
+        """Of every trial, pair and shape 2^-a by 2^-(k - a), the place of its box in the table."""
+        n_bins = np.minimum(2.0 ** np.arange(k + 1)[:, None], self._n_values).astype(int)  # (shapes, parameters)
+        bins = np.minimum((trials[:, None] * n_bins).astype(int), n_bins - 1)  # (trials, shapes, parameters)
+        one, other = self._pairs
+        box = bins[:, :, one] * n_bins[::-1, other] + bins[:, ::-1, other]
+        tables = np.arange((k + 1) * len(one)).reshape(k + 1, len(one)) * 2**k
+        return np.asarray((box + tables).reshape(len(trials), tables.size))

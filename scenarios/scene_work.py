@@ -92,7 +92,7 @@ def run_scene(work: SceneWork) -> SceneOutcome:
     with open(os.devnull, "w") as nowhere:
         faulthandler.dump_traceback_later(work.limit_s, exit=True, file=nowhere)
         try:
-            return outcome_of(work)
+            return outcome_of(work, threads=1)  # other scenes use the other cores, and threads cost a tenth
         finally:
             faulthandler.cancel_dump_traceback_later()
 
@@ -103,11 +103,11 @@ def broken_scene(work: SceneWork, outcome: str, detail: str) -> SceneOutcome:
     return SceneOutcome(work.number, runs, versions())
 
 
-def outcome_of(work: SceneWork) -> SceneOutcome:
+def outcome_of(work: SceneWork, *, threads: int | None = None) -> SceneOutcome:
     """Like `run_scene`, without the watch over how long it takes: for a process that is not to be ended."""
     start_s = time.perf_counter()
     try:
-        clip = simulate(work.scenario)
+        clip = simulate(work.scenario, threads=threads)
     except Exception as error:
         return broken_scene(work, "crash", _told(error))
     seconds = time.perf_counter() - start_s

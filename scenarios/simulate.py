@@ -28,14 +28,22 @@ class SimulatedClip:
     truth: Truth
 
 
-def simulate(scenario: Scenario) -> SimulatedClip:
-    """Simulate a scenario; the same scenario gives the same bytes."""
+def simulate(scenario: Scenario, *, threads: int | None = None) -> SimulatedClip:
+    """Simulate a scenario; the same scenario gives the same bytes, on any number of threads (None: one per core)."""
     whole = resolved(scenario)
     scene, rig, recording = build_scene(whole), true_rig(whole), build_recording(whole)
-    clean = simcam.render_clip(scene, rig, recording)
+    clean = simcam.render_clip(scene, rig, recording, workers=threads)
     field, sensor = gamma_field(whole), image_sensor(whole)
     noisy = [
-        add_noise(frames, field, sensor, exposure_s=whole.recording.exposure_s, seed=whole.seed, camera=camera).frames
+        add_noise(
+            frames,
+            field,
+            sensor,
+            exposure_s=whole.recording.exposure_s,
+            seed=whole.seed,
+            camera=camera,
+            workers=threads,
+        ).frames
         for camera, frames in zip(CAMERAS, (clean.left, clean.right), strict=True)
     ]
     truth = state_truth(whole, clean, simcam.ground_truth(scene, rig, recording))

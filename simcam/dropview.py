@@ -86,10 +86,10 @@ def _looked_up(
     """Static radiance (places, samples) along rays (places, samples, 3), darkened by the drop's own shadow."""
     shape = direction.shape[:2]
     surface = lit.look(_rows(origin_m), _rows(direction))
-    by_source = lit.source_radiance(surface, 1)
-    radiance = by_source[: len(lit.lamps)].sum(axis=0) + lit.bounced_radiance(surface)
+    leaving = lit.leaving(surface, 1)
+    radiance = leaving.total
     drops_m = np.repeat(centre_m, shape[1], axis=0)
-    for source, light in zip(lit.sources, by_source, strict=True):
+    for source, light in zip(lit.sources, leaving.by_source, strict=True):
         radiance -= light * own_shadow(surface, np.asarray(source.position_m), source.radius_m, drops_m, drop_radius_m)
     return radiance.reshape(shape)
 

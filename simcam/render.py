@@ -31,10 +31,13 @@ class StereoClip:
     right: FloatArray
 
 
-def render_clip(scene: Scene, rig: StereoRig, recording: Recording) -> StereoClip:
-    """Linear expected photo-electrons of both cameras; no noise, no saturation, no quantisation."""
+def render_clip(scene: Scene, rig: StereoRig, recording: Recording, *, workers: int | None = None) -> StereoClip:
+    """Linear expected photo-electrons of both cameras; no noise, no saturation, no quantisation.
+
+    `workers`: threads (None: one a view). One is the cheapest where other processes use the other cores.
+    """
     light_scene(scene)  # once, before two threads ask for it
-    with ThreadPoolExecutor(2) as pool:
+    with ThreadPoolExecutor(workers or 2) as pool:
         left, right = pool.map(lambda camera: render_view(scene, camera, recording), (rig.left, rig.right))
     return StereoClip(left, right)
 

@@ -25,6 +25,28 @@ FOOT_SAMPLES = 4  # shadow rays to a foot: what they say darkens a shadow, never
 
 
 @dataclass(frozen=True, eq=False)
+class Leaving:
+    """Radiance W m^-2 sr^-1 that leaves points of a surface, float32: direct (lamps, n), feet (feet, n), bounced (n,).
+
+    What the feet throw is a part of the bounced light.
+    """
+
+    direct: FloatArray
+    feet: FloatArray
+    bounced: FloatArray
+
+    @property
+    def by_source(self) -> FloatArray:
+        """What drops can shade (sources, n), lamps first, then their feet."""
+        return np.concatenate([self.direct, self.feet])
+
+    @property
+    def total(self) -> FloatArray:
+        """All of it (n,)."""
+        return self.direct.sum(axis=0) + self.bounced
+
+
+@dataclass(frozen=True, eq=False)
 class LitScene:
     """A scene's static surfaces with their light: what any ray needs to know the radiance where it ends."""
 
@@ -45,37 +67,27 @@ class LitScene:
         """First static surface along rays (3, n)."""
         return trace(self.pedestal, self.obstacles, origins_m, directions)
 
-    def direct_radiance(self, surface: Surface, samples: int) -> FloatArray:
-        """Radiance W m^-2 sr^-1 (lamps, n) that each lamp's direct light gives; `samples` shadow rays per lamp."""
+    def leaving(self, surface: Surface, samples: int) -> Leaving:
+        """Light that leaves a surface's points, `samples` shadow rays per lamp. A foot gives what it throws directly,
+
+        a part of the bounced light and never more than that.
+        """
         lambert = self.reflectances(surface) / np.float32(np.pi)
+        irradiance = self._bounced_irradiance(surface)
         direct = np.zeros((len(self.lamps), surface.kind.size), np.float32)
-        for lamp, radiance in zip(self.lamps, direct, strict=True):
+        for lamp, light in zip(self.lamps, direct, strict=True):
             seen = lamp_visibility(lamp, surface, self.obstacles, samples)
-            radiance[:] = lambert * open_irradiance(lamp, surface.points_m, surface.normals) * seen
-        return direct
-
-    def foot_radiance(self, surface: Surface, samples: int) -> FloatArray:
-        """Radiance W m^-2 sr^-1 (feet, n) that each foot gives: a part of the bounced light, never more than that."""
-        light = np.zeros((len(self.feet), surface.kind.size), np.float32)
-        if not self.feet:
-            return light
-        for foot, irradiance in zip(self.feet, light, strict=True):
+            light[:] = lambert * open_irradiance(lamp, surface.points_m, surface.normals) * seen
+        feet = np.zeros((len(self.feet), surface.kind.size), np.float32)
+        for foot, light in zip(self.feet, feet, strict=True):
             seen = lamp_visibility(foot, surface, self.obstacles, min(samples, FOOT_SAMPLES))
-            irradiance[:] = foot_irradiance(foot, surface.points_m, surface.normals) * seen
-        total = np.maximum(light.sum(axis=0), np.float32(1e-30))
-        share = np.minimum(self.bounced_irradiance(surface) / total, 1)
-        light *= self.reflectances(surface) / np.float32(np.pi) * share
-        return light
+            light[:] = foot_irradiance(foot, surface.points_m, surface.normals) * seen
+        if self.feet:
+            thrown = np.maximum(feet.sum(axis=0), np.float32(1e-30))
+            feet *= lambert * np.minimum(irradiance / thrown, 1)
+        return Leaving(direct, feet, lambert * irradiance)
 
-    def source_radiance(self, surface: Surface, samples: int) -> FloatArray:
-        """Radiance W m^-2 sr^-1 (sources, n) that drops shade, by source."""
-        return np.concatenate([self.direct_radiance(surface, samples), self.foot_radiance(surface, samples)])
-
-    def bounced_radiance(self, surface: Surface) -> FloatArray:
-        """Radiance W m^-2 sr^-1 (n,) of light that came by way of other walls."""
-        return self.reflectances(surface) * self.bounced_irradiance(surface) / np.float32(np.pi)
-
-    def bounced_irradiance(self, surface: Surface) -> FloatArray:
+    def _bounced_irradiance(self, surface: Surface) -> FloatArray:
         """Irradiance W/m^2 (n,) by way of other walls."""
         return np.where(surface.kind == STRUCTURE, np.float32(self.ambient_w_m2), self.bounced.read(surface))
 
@@ -165,8 +177,8 @@ def cast_view(lit: LitScene, camera: Camera) -> StaticView:
         raise ValueError("the lens folds inside the image: no ray meets some pixels; use a weaker distortion")
     origin_m = camera.centre_world_m.astype(np.float32)[:, None]
     surface = lit.look(origin_m, directions)
-    by_source = lit.source_radiance(surface, LAMP_SAMPLES)
-    radiance = by_source[: len(lit.lamps)].sum(axis=0) + lit.bounced_radiance(surface)
+    light = lit.leaving(surface, LAMP_SAMPLES)
+    radiance, by_source = light.total, light.by_source
     range_m = surface.distance_m.copy()
     for lamp in lit.lamps:
         seen, lamp_range_m = _sees_lamp(lamp, origin_m, directions, range_m)

@@ -21,6 +21,7 @@ from simcam.surface import Surface
 
 LINE_POINTS = 4001  # along a leak's line, floor to ceiling: 2 mm in the paper's pedestal
 IN_VIEW_MARGIN_PX = 3.0
+SECTIONS, SECTIONINGS = 32, 6
 ON_PLANE_M = 1e-3  # of the lamp-leak plane: nearer, a surface crosses it; farther, an outline jumps over it
 
 
@@ -125,14 +126,24 @@ def shadow_column(lit: LitScene, camera: Camera, leak: Leak, lamp: Lamp) -> floa
     columns = np.arange(camera.width_px, dtype=float)
     side, ahead = _beside_plane(_at_mid_row(lit, camera, columns), leak, lamp)
     for place in np.flatnonzero((side[:-1] * side[1:] <= 0) & (ahead[:-1] > 1) & (ahead[1:] > 1)):
-        low, high = columns[place], columns[place + 1]
-        for _ in range(30):  # bisection to 1e-9 px
-            middle = (low + high) / 2
-            ends, _ = _beside_plane(_at_mid_row(lit, camera, np.array([low, middle])), leak, lamp)
-            low, high = (middle, high) if ends[0] * ends[1] > 0 else (low, middle)
-        if _is_shaded(lit, _at_mid_row(lit, camera, np.array([(low + high) / 2])), leak, lamp):
-            return float((low + high) / 2)
+        column = _column_of_plane(lit, camera, columns[place : place + 2], leak, lamp)
+        if _is_shaded(lit, _at_mid_row(lit, camera, np.array([column])), leak, lamp):
+            return column
     return np.nan
+
+
+def _column_of_plane(lit: LitScene, camera: Camera, between_px: FloatArray, leak: Leak, lamp: Lamp) -> float:
+    """Column between two (2,) at which what is seen changes sides of the lamp-leak plane.
+
+    Many columns at a time are as quick as two: sections, not halves, to 1e-9 px.
+    """
+    low, high = between_px
+    for _ in range(SECTIONINGS):
+        columns = np.linspace(low, high, SECTIONS + 1)
+        side, _ = _beside_plane(_at_mid_row(lit, camera, columns), leak, lamp)
+        first = int(np.argmax(side[:-1] * side[1:] <= 0))
+        low, high = columns[first], columns[first + 1]
+    return float((low + high) / 2)
 
 
 def _is_shaded(lit: LitScene, surface: Surface, leak: Leak, lamp: Lamp) -> bool:

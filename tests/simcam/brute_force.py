@@ -109,10 +109,10 @@ class BruteForce:
         return total
 
     def _static(self, surface: Surface, centre_m, radius_m):
-        by_source = self.lit.source_radiance(surface, 1)
-        radiance = by_source[: len(self.lit.lamps)].sum(axis=0) + self.lit.bounced_radiance(surface)
+        leaving = self.lit.leaving(surface, 1)
+        radiance = leaving.total
         drops_m = np.broadcast_to(centre_m, (surface.kind.size, 3))
-        for source, light in zip(self.lit.sources, by_source, strict=True):
+        for source, light in zip(self.lit.sources, leaving.by_source, strict=True):
             radiance -= light * own_shadow(surface, np.array(source.position_m), source.radius_m, drops_m, radius_m)
         return radiance
 

@@ -150,7 +150,7 @@ def test_structure_hides_a_foot():
     for point_m, hidden in (((2.5, 0.0, 0.4), True), ((2.5, 0.0, 3.2), False)):
         point, normal = facing(point_m, (-1.0, 0.0, 0.0))
         surface = Surface(point, normal, np.ones(1, np.float32), np.zeros(1, np.int8))
-        assert (lit.foot_radiance(surface, 1)[0, 0] == 0) == hidden
+        assert (lit.leaving(surface, 1).feet[0, 0] == 0) == hidden
     assert static_view(scene, camera).by_source.shape[0] == 2
 
 
@@ -164,7 +164,7 @@ def test_feet_never_give_more_than_the_bounced_light(seed, bounces):
     directions = rng.normal(size=(3, 2000)).astype(np.float32)
     directions /= np.linalg.norm(directions, axis=0)
     surface = lit.look(np.zeros((3, 1), np.float32), directions)
-    feet = lit.foot_radiance(surface, 1)
-    assert len(feet) == 2
-    assert (feet >= 0).all()
-    assert (feet.sum(axis=0) <= lit.bounced_radiance(surface) * (1 + 1e-5)).all()
+    leaving = lit.leaving(surface, 1)
+    assert len(leaving.feet) == 2
+    assert (leaving.feet >= 0).all()
+    assert (leaving.feet.sum(axis=0) <= leaving.bounced * (1 + 1e-5)).all()

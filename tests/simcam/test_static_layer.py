@@ -96,7 +96,7 @@ def test_bounced_light_obeys_the_integrating_sphere_rule():
     # directions uniform from the centre hit an area with density cos / d^2; weight by its inverse for an area mean
     squared = np.sum(surface.points_m**2, axis=0)
     weight = squared**1.5 / -np.sum(surface.normals * surface.points_m, axis=0)
-    total = lit.direct_radiance(surface, 1).sum(axis=0) + lit.bounced_radiance(surface)
+    total = lit.leaving(surface, 1).total
     mean = np.average(total, weights=weight) * np.pi / reflectance
     area = 2 * np.pi * 1.0 * 2.0 + 2 * np.pi
     assert mean == pytest.approx(power_w / (area * (1 - reflectance)), rel=0.03)
