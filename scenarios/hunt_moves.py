@@ -1,5 +1,7 @@
 """What a hunt tries next: downhill on margins, known failures into new cells, and the gaps that nothing has filled."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from scenarios.atlas import Atlas, Move, Tried, cells_of
@@ -22,7 +24,7 @@ LAST_STEP = 0.02
 MEMORY = 24
 """Moves of a kind by which the next are measured."""
 
-N_CANDIDATES = 400
+N_CANDIDATES, N_OTHERS = 100, 12
 TRIES = 20
 
 
@@ -123,27 +125,42 @@ def spreading(known: Known, n_moves: int, *, rng: np.random.Generator) -> list[M
 
 
 def filling(known: Known, seeds: list[int], *, rng: np.random.Generator) -> list[Move]:
-    """Return a new scene a seed, each the one of some random candidates that promises to fill most gaps.
+    """Return a new scene a seed, each one that promises to fill most gaps: the best of some random ones, made better.
 
     What a leak would fill counts by its chance to be observable: where nothing can be seen nothing is tried.
     """
     space, seen = known.space, known.seen.copy()
-    candidates = [tuple(map(float, shares)) for shares in rng.random((N_CANDIDATES, n_shares(space)))]
-    trials = [trials_of(space, shares) for shares in candidates]
-    owner = np.repeat(np.arange(len(trials)), [len(rows) for rows in trials])
-    rows = np.concatenate(trials)
-    boxes, chance = seen.boxes(rows), known.visibility.chance(rows)
-    moves: list[Move] = []
-    left = np.ones(len(candidates), dtype=bool)
+    moves = []
     for seed in seeds:
-        promise = np.where(left, np.bincount(owner, weights=chance * seen.gain(boxes)), -1.0)
-        for best in np.argsort(-promise, kind="stable"):
-            left[best] = False
-            if scenario_of(space, candidates[best], seed) is not None:
-                break
-        moves.append(Move(candidates[best], seed, "filling"))
-        seen.fill(boxes[(owner == best) & (chance > 0.5)])
+        promise = _Promise(space, seen, known.visibility, seed)
+        shares = promise.best(rng.random((N_CANDIDATES, n_shares(space))).tolist())
+        for place in rng.permutation(len(shares)):  # each share in turn: random scenes alone do not come as far
+            others = rng.random(N_OTHERS).tolist()
+            shares = promise.best([shares, *([*shares[:place], other, *shares[place + 1 :]] for other in others)])
+        moves.append(Move(tuple(shares), seed, "filling"))
+        trials = trials_of(space, shares)
+        seen.fill(trials[known.visibility.chance(trials) > 0.5])
     return moves
+
+
+@dataclass(frozen=True)
+class _Promise:
+    """What scenes of a seed promise to fill of the gaps that are left."""
+
+    space: Space
+    seen: Projections
+    visibility: Visibility
+    seed: int
+
+    def best(self, candidates: list[list[float]]) -> list[float]:
+        """Return the one of some points that promises most and is a scene; the last when none is."""
+        trials = [trials_of(self.space, shares) for shares in candidates]
+        owner = np.repeat(np.arange(len(trials)), [len(rows) for rows in trials])
+        rows = np.concatenate(trials)
+        promise = np.bincount(owner, weights=self.visibility.chance(rows) * self.seen.gain(rows))
+        in_order = [candidates[i] for i in np.argsort(-promise, kind="stable")]
+        scenes = (shares for shares in in_order if scenario_of(self.space, shares, self.seed) is not None)
+        return next(scenes, in_order[-1])
 
 
 def _unseen(known: Known, code: str, leak: int | None) -> list[Cell]:

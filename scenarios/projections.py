@@ -9,7 +9,6 @@ same for discrete parameters (Cohen et al., IEEE Trans. Software Eng. 23, 1997),
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -20,17 +19,6 @@ FINER = 2
 
 WEIGHTS = (1.0, 0.5)
 """Of a gap of either size."""
-
-
-@dataclass(frozen=True)
-class Boxes:
-    """The boxes that trials lie in: of either size, places in the table of what is filled, (trials, pairs * shapes)."""
-
-    of_size: tuple[NDArray[np.intp], ...]
-
-    def __getitem__(self, trials: NDArray[np.bool_]) -> "Boxes":
-        """Return those of some of the trials."""
-        return Boxes(tuple(places[trials] for places in self.of_size))
 
 
 class Projections:
@@ -59,21 +47,19 @@ class Projections:
             self._size = size
             self._filled = self._none_filled()
             trials = self._trials
-        self.fill(self.boxes(trials))
+        self.fill(trials)
 
-    def boxes(self, trials: np.ndarray) -> Boxes:
-        """Return the boxes of trials (n, parameters), valid until trials are added."""
-        return Boxes(tuple(self._places(trials, k) for k in self._sizes()))
+    def fill(self, trials: np.ndarray) -> None:
+        """Take the boxes of trials (n, parameters) for filled, of the size that they have."""
+        for filled, k in zip(self._filled, self._sizes(), strict=True):
+            filled[self._boxes(trials, k)] = True
 
-    def fill(self, boxes: Boxes) -> None:
-        """Take boxes for filled."""
-        for filled, places in zip(self._filled, boxes.of_size, strict=True):
-            filled[places] = True
-
-    def gain(self, boxes: Boxes) -> np.ndarray:
-        """How many boxes each of the trials would be the first to fill, (n,)."""
-        of_sizes = zip(WEIGHTS, self._filled, boxes.of_size, strict=True)
-        return np.asarray(sum(weight * (~filled[places]).sum(axis=1) for weight, filled, places in of_sizes))
+    def gain(self, trials: np.ndarray) -> np.ndarray:
+        """How many boxes each of the trials (n, parameters) would be the first to fill, (n,)."""
+        gain = np.zeros(len(trials))
+        for weight, filled, k in zip(WEIGHTS, self._filled, self._sizes(), strict=True):
+            gain += weight * (~filled[self._boxes(trials, k)]).sum(axis=1)
+        return gain
 
     def _sizes(self) -> tuple[int, int]:
         return self._size, self._size + FINER
@@ -81,8 +67,8 @@ class Projections:
     def _none_filled(self) -> list[NDArray[np.bool_]]:
         return [np.zeros(self._pairs.shape[1] * (k + 1) * 2**k, dtype=bool) for k in self._sizes()]
 
-    def _places(self, trials: np.ndarray, k: int) -> NDArray[np.intp]:
-        """Of every trial, pair and shape 2^-a by 2^-(k - a), the place of its box in the table."""
+    def _boxes(self, trials: np.ndarray, k: int) -> NDArray[np.intp]:
+        """Of every trial (n, pairs * shapes), pair and shape 2^-a by 2^-(k - a), the place of its box in the table."""
         n_bins = np.minimum(2.0 ** np.arange(k + 1)[:, None], self._n_values).astype(int)  # (shapes, parameters)
         bins = np.minimum((trials[:, None] * n_bins).astype(int), n_bins - 1)  # (trials, shapes, parameters)
         one, other = self._pairs

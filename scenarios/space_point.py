@@ -15,6 +15,7 @@ from scenarios.space import Space, drip_at, scenario_at
 
 PLACES = ("leak range", "leak azimuth")
 LEAKS = "leaks"
+BELOW_ONE = math.nextafter(1.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -40,11 +41,10 @@ def places(space: Space, shares: Sequence[float]) -> list[Place]:
     """Places of a point's leaks, uniform in the half disc x >= 0 when shares are; to the centimetre."""
     if space.max_leaks == 0:
         return []
-    reach_m = space.base_scenario.pedestal.radius_m - space.wall_margin_m
     kept: list[Place] = []
     for leak in range(n_leaks(space, shares)):
         along, around = _place_shares(space, shares, leak)
-        range_m, azimuth = reach_m * math.sqrt(along), math.pi * (around - 0.5)
+        range_m, azimuth = reach_m(space) * math.sqrt(along), math.pi * (around - 0.5)
         place = Place(leak, round(range_m * math.cos(azimuth), 2), round(range_m * math.sin(azimuth), 2))
         if all(math.hypot(place.x_m - p.x_m, place.y_m - p.y_m) >= space.min_separation_m for p in kept):
             kept.append(place)
@@ -79,12 +79,14 @@ def n_values(space: Space) -> list[float]:
 
 
 def trials_of(space: Space, shares: Sequence[float]) -> np.ndarray:
-    """What each leak of a point tries: (leaks, parameters) shares; one row where the leaks are those of the base."""
+    """What each leak of a point tries: (leaks, parameters) shares; one row where the leaks are those of the base.
+
+    A leak's place is the one that it has, to the centimetre, not the one asked for.
+    """
     n_axes = len(space.axes)
     if space.max_leaks == 0:
         return np.array([shares[:n_axes]])
-    rows = [[*shares[: n_axes + 1], *_place_shares(space, shares, place.leak)] for place in places(space, shares)]
-    return np.array(rows)
+    return np.array([[*shares[: n_axes + 1], *shares_of(space, place)] for place in places(space, shares)])
 
 
 def plainness(space: Space, shares: Sequence[float]) -> float:
@@ -95,6 +97,18 @@ def plainness(space: Space, shares: Sequence[float]) -> float:
         if axis.n_values > 1
     ]
     return sum(away) + (0.5 * (len(places(space, shares)) - 1) if space.max_leaks else 0.0)
+
+
+def shares_of(space: Space, place: Place) -> tuple[float, float]:
+    """Return the shares of range and azimuth that a place is at, in [0, 1)."""
+    along = (place.x_m**2 + place.y_m**2) / reach_m(space) ** 2
+    around = math.atan2(place.y_m, place.x_m) / math.pi + 0.5
+    return min(along, BELOW_ONE), min(max(around, 0.0), BELOW_ONE)
+
+
+def reach_m(space: Space) -> float:
+    """Range of the farthest leaks, m."""
+    return space.base_scenario.pedestal.radius_m - space.wall_margin_m
 
 
 def _place_shares(space: Space, shares: Sequence[float], leak: int) -> tuple[float, float]:
