@@ -9,7 +9,7 @@ from scenarios.hunted import Cell
 from scenarios.margins import SHOULD_BE_RIGHT
 from scenarios.projections import Projections
 from scenarios.space import Space
-from scenarios.space_point import n_shares, n_values, parameters, places, scenario_of, trials_of
+from scenarios.space_point import effort_of, n_shares, n_values, parameters, places, scenario_of, trials_of
 from scenarios.visibility import Visibility
 
 CLOSE = 0.4
@@ -125,7 +125,7 @@ def spreading(known: Known, n_moves: int, *, rng: np.random.Generator) -> list[M
 
 
 def filling(known: Known, seeds: list[int], *, rng: np.random.Generator) -> list[Move]:
-    """Return a new scene a seed, each one that promises to fill most gaps: the best of some random ones, made better.
+    """Return a new scene a seed, each one that promises to fill most gaps for its time: of some the best, made better.
 
     What a leak would fill counts by its chance to be observable: where nothing can be seen nothing is tried.
     """
@@ -145,7 +145,7 @@ def filling(known: Known, seeds: list[int], *, rng: np.random.Generator) -> list
 
 @dataclass(frozen=True)
 class _Promise:
-    """What scenes of a seed promise to fill of the gaps that are left."""
+    """What scenes of a seed promise to fill, for their time, of the gaps that are left."""
 
     space: Space
     seen: Projections
@@ -154,13 +154,25 @@ class _Promise:
 
     def best(self, candidates: list[list[float]]) -> list[float]:
         """Return the one of some points that promises most and is a scene; the last when none is."""
-        trials = [trials_of(self.space, shares) for shares in candidates]
-        owner = np.repeat(np.arange(len(trials)), [len(rows) for rows in trials])
-        rows = np.concatenate(trials)
-        promise = np.bincount(owner, weights=self.visibility.chance(rows) * self.seen.gain(rows))
-        in_order = [candidates[i] for i in np.argsort(-promise, kind="stable")]
+        in_order = [candidates[i] for i in np.argsort(-self.of(candidates), kind="stable")]
         scenes = (shares for shares in in_order if scenario_of(self.space, shares, self.seed) is not None)
         return next(scenes, in_order[-1])
+
+    def of(self, candidates: list[list[float]]) -> np.ndarray:
+        """Gaps that points are expected to fill, over how long they take, (n,).
+
+        What is of the scene, and not of a leak, its leaks try once: it takes one of them to be observable.
+        """
+        trials = [trials_of(self.space, shares) for shares in candidates]
+        n_leaks = np.array([len(rows) for rows in trials])
+        first, owner = np.cumsum(n_leaks) - n_leaks, np.repeat(np.arange(len(trials)), n_leaks)
+        rows = np.concatenate(trials)
+        chance, gain = self.visibility.chance(rows), self.seen.gain(rows)
+        of_scene = (self.seen.pairs <= len(self.space.axes)).all(axis=0)  # the axes, and the number of leaks
+        of_leaks = np.bincount(owner, weights=chance * gain[:, ~of_scene].sum(axis=1))
+        none_seen = np.multiply.reduceat(1.0 - chance, first)
+        effort = [effort_of(self.space, shares) for shares in candidates]
+        return np.asarray((of_leaks + (1.0 - none_seen) * gain[first][:, of_scene].sum(axis=1)) / effort)
 
 
 def _unseen(known: Known, code: str, leak: int | None) -> list[Cell]:

@@ -117,9 +117,9 @@ def test_whoever_fills_most_gaps_leaves_no_quarter_of_any_pair_of_parameters_emp
     seen, chosen = Projections([np.inf] * 4), []
     for _ in range(24):
         candidates = rng.random((64, 4))
-        chosen.append(candidates[seen.gain(candidates).argmax()])
+        chosen.append(candidates[seen.gain(candidates).sum(axis=1).argmax()])
         seen.add(chosen[-1][None])
-        assert seen.gain(chosen[-1][None])[0] == 0.0  # what has been tried fills nothing any more
+        assert seen.gain(chosen[-1][None]).sum() == 0.0  # what has been tried fills nothing any more
     quarters = (np.array(chosen) * 2).astype(int)
     for one in range(4):
         for other in range(one):
@@ -130,7 +130,7 @@ def test_boxes_are_never_finer_than_the_values_of_a_parameter():
     seen = Projections([2.0, np.inf])
     for share in np.linspace(0.01, 0.99, 64):
         seen.add(np.array([[0.1, share]]))
-    near, far = seen.gain(np.array([[0.4, 0.5], [0.6, 0.5]]))
+    near, far = seen.gain(np.array([[0.4, 0.5], [0.6, 0.5]]))[:, 0]
     assert near < far
 
 
