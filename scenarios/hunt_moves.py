@@ -132,7 +132,7 @@ def filling(known: Known, seeds: list[int], *, rng: np.random.Generator) -> list
     space, seen = known.space, known.seen.copy()
     moves = []
     for seed in seeds:
-        promise = _Promise(space, seen, known.visibility, seed)
+        promise = Promise(space, seen, known.visibility, seed)
         shares = promise.best(rng.random((N_CANDIDATES, n_shares(space))).tolist())
         for place in rng.permutation(len(shares)):  # each share in turn: random scenes alone do not come as far
             others = rng.random(N_OTHERS).tolist()
@@ -144,7 +144,7 @@ def filling(known: Known, seeds: list[int], *, rng: np.random.Generator) -> list
 
 
 @dataclass(frozen=True)
-class _Promise:
+class Promise:
     """What scenes of a seed promise to fill, for their time, of the gaps that are left."""
 
     space: Space
