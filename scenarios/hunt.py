@@ -44,7 +44,7 @@ def hunt(quarry: Quarry, evaluate: Evaluate, n_scenes: int | None = None) -> Ite
     some carry known failures into cells where their code was not seen, and the rest fill the gaps that are left. What
     brings nothing new makes room for filling: margins lead nowhere when failures are not at the end of a slope.
     """
-    known, number = Known(quarry.space), 0
+    known, number = Known(quarry.space, rng=rng_for(quarry.seed, Stream.HUNT, 1)), 0
     while n_scenes is None or number < n_scenes:
         moves = _start(quarry) if not number else _next(quarry, known, number)
         moves = moves if n_scenes is None else moves[: n_scenes - number]

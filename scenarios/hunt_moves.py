@@ -1,6 +1,7 @@
 """What a hunt tries next: downhill on margins, known failures into new cells, and the gaps that nothing has filled."""
 
 from dataclasses import dataclass
+from itertools import count
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from scenarios.hunted import Cell
 from scenarios.margins import SHOULD_BE_RIGHT
 from scenarios.projections import Projections
 from scenarios.space import Space
-from scenarios.space_point import effort_of, n_shares, n_values, parameters, places, scenario_of, trials_of
+from scenarios.space_point import n_shares, n_values, parameters, places, scenario_of, trials_of
 from scenarios.visibility import Visibility
 
 CLOSE = 0.4
@@ -24,16 +25,27 @@ LAST_STEP = 0.02
 MEMORY = 24
 """Moves of a kind by which the next are measured."""
 
-N_CANDIDATES, N_OTHERS = 100, 12
+N_CANDIDATES, N_OTHERS = 30, 12
+MANY_LEAKS = 0.25
+"""Power of a share of the number of leaks: of three, 80 % of scenes have all, 1 % one."""
+
+LIKELY = 0.6
+HOPE = 0.3
+"""Power of the chance to be observable by which a leak counts."""
+
 TRIES = 20
 
 
 class Known:
     """What the rounds so far have shown: scenes, failures by cell, and what observable leaks have tried."""
 
-    def __init__(self, space: Space) -> None:
-        """Begin with nothing."""
+    def __init__(self, space: Space, *, rng: np.random.Generator) -> None:
+        """Begin with nothing, and with a quasi-random sequence (scrambled Sobol) of what is of scenes."""
+        from scipy.stats import qmc  # half a second of imports that most commands do not need
+
         self.space = space
+        self.n_of_scene = len(space.axes) + (1 if space.max_leaks else 0)
+        self._sequence = qmc.Sobol(max(self.n_of_scene, 1), rng=rng)
         self.atlas = Atlas(space)
         self.tried: list[Tried] = []
         self.parents: dict[Move, Tried] = {}
@@ -58,6 +70,13 @@ class Known:
             vain = self.vain_steps.get(parent.move, 0)
             # downhill from the child from now on; a parent is come back to only when its children lead nowhere
             self.vain_steps[parent.move] = vain + (0 if went_down else 1)
+
+    def next_of_scene(self) -> list[float]:
+        """Return the next shares of all axes and of the number of leaks, more often many than few."""
+        shares = self._sequence.random(1)[0][: self.n_of_scene]
+        if self.space.max_leaks:
+            shares[-1] **= MANY_LEAKS  # they try more in one scene
+        return [float(share) for share in shares]
 
     def paying(self, origin: str, most: int) -> int:
         """Return how many moves of a kind are worth while: as many as of the last ones showed something new, or one."""
@@ -125,54 +144,59 @@ def spreading(known: Known, n_moves: int, *, rng: np.random.Generator) -> list[M
 
 
 def filling(known: Known, seeds: list[int], *, rng: np.random.Generator) -> list[Move]:
-    """Return a new scene a seed, each one that promises to fill most gaps for its time: of some the best, made better.
+    """Return a new scene a seed: axes quasi-random, and leaks where they promise to fill most gaps.
 
-    What a leak would fill counts by its chance to be observable: where nothing can be seen nothing is tried.
+    A leak counts by its chance to be observable, little though: by that alone corners with little light are never seen.
     """
     space, seen = known.space, known.seen.copy()
     moves = []
     for seed in seeds:
         promise = Promise(space, seen, known.visibility, seed)
-        shares = promise.best(rng.random((N_CANDIDATES, n_shares(space))).tolist())
-        for place in rng.permutation(len(shares)):  # each share in turn: random scenes alone do not come as far
+        shares = _begun(known, promise, rng=rng)
+        for place in rng.permutation(np.arange(known.n_of_scene, len(shares))):
             others = rng.random(N_OTHERS).tolist()
-            shares = promise.best([shares, *([*shares[:place], other, *shares[place + 1 :]] for other in others)])
+            candidates = [shares, *([*shares[:place], other, *shares[place + 1 :]] for other in others)]
+            shares = promise.best(candidates) or shares
         moves.append(Move(tuple(shares), seed, "filling"))
         trials = trials_of(space, shares)
-        seen.fill(trials[known.visibility.chance(trials) > 0.5])
+        seen.fill(trials[known.visibility.chance(trials) > LIKELY])
     return moves
+
+
+def _begun(known: Known, promise: "Promise", *, rng: np.random.Generator) -> list[float]:
+    """Return the next quasi-random scene that is one, with the best of some random places for its leaks.
+
+    One in which no leak is likely to be observable is left out, unless many in a row are.
+    """
+    n_places = n_shares(known.space) - known.n_of_scene
+    for tried in count(1):
+        of_scene = known.next_of_scene()
+        shares = promise.best([[*of_scene, *rest] for rest in rng.random((N_CANDIDATES, n_places)).tolist()])
+        if shares is None:
+            continue
+        chance = known.visibility.chance(trials_of(known.space, shares))
+        if chance.max() > LIKELY or tried >= TRIES:
+            return shares
+    raise AssertionError("unreachable: a sequence has no end")
 
 
 @dataclass(frozen=True)
 class Promise:
-    """What scenes of a seed promise to fill, for their time, of the gaps that are left."""
+    """What scenes of a seed promise to fill of the gaps that are left."""
 
     space: Space
     seen: Projections
     visibility: Visibility
     seed: int
 
-    def best(self, candidates: list[list[float]]) -> list[float]:
-        """Return the one of some points that promises most and is a scene; the last when none is."""
-        in_order = [candidates[i] for i in np.argsort(-self.of(candidates), kind="stable")]
-        scenes = (shares for shares in in_order if scenario_of(self.space, shares, self.seed) is not None)
-        return next(scenes, in_order[-1])
-
-    def of(self, candidates: list[list[float]]) -> np.ndarray:
-        """Gaps that points are expected to fill, over how long they take, (n,).
-
-        What is of the scene, and not of a leak, its leaks try once: it takes one of them to be observable.
-        """
+    def best(self, candidates: list[list[float]]) -> list[float] | None:
+        """Return the one of some points that promises most and is a scene; None when none is."""
         trials = [trials_of(self.space, shares) for shares in candidates]
-        n_leaks = np.array([len(rows) for rows in trials])
-        first, owner = np.cumsum(n_leaks) - n_leaks, np.repeat(np.arange(len(trials)), n_leaks)
+        owner = np.repeat(np.arange(len(trials)), [len(rows) for rows in trials])
         rows = np.concatenate(trials)
-        chance, gain = self.visibility.chance(rows), self.seen.gain(rows)
-        of_scene = (self.seen.pairs <= len(self.space.axes)).all(axis=0)  # the axes, and the number of leaks
-        of_leaks = np.bincount(owner, weights=chance * gain[:, ~of_scene].sum(axis=1))
-        none_seen = np.multiply.reduceat(1.0 - chance, first)
-        effort = [effort_of(self.space, shares) for shares in candidates]
-        return np.asarray((of_leaks + (1.0 - none_seen) * gain[first][:, of_scene].sum(axis=1)) / effort)
+        promise = np.bincount(owner, weights=self.visibility.chance(rows) ** HOPE * self.seen.gain(rows))
+        in_order = (candidates[i] for i in np.argsort(-promise, kind="stable"))
+        return next((shares for shares in in_order if scenario_of(self.space, shares, self.seed) is not None), None)
 
 
 def _unseen(known: Known, code: str, leak: int | None) -> list[Cell]:

@@ -27,7 +27,7 @@ class Projections:
     def __init__(self, n_values: Sequence[float]) -> None:
         """Begin without trials. `n_values`: how many values each parameter can take; its boxes are never finer."""
         self._n_values = np.array(n_values, dtype=float)
-        self.pairs = np.array(list(combinations(range(len(n_values)), 2)) or [(0, 0)]).T
+        self._pairs = np.array(list(combinations(range(len(n_values)), 2)) or [(0, 0)]).T
         self._trials = np.zeros((0, len(n_values)))
         self._size = 0
         self._filled = self._none_filled()
@@ -55,24 +55,23 @@ class Projections:
             filled[self._boxes(trials, k)] = True
 
     def gain(self, trials: np.ndarray) -> np.ndarray:
-        """How many boxes of each pair trials (n, parameters) would be the first to fill, (n, pairs): see `pairs`."""
-        gain = np.zeros((len(trials), self.pairs.shape[1]))
+        """How many boxes each of the trials (n, parameters) would be the first to fill, (n,)."""
+        gain = np.zeros(len(trials))
         for weight, filled, k in zip(WEIGHTS, self._filled, self._sizes(), strict=True):
-            empty = ~filled[self._boxes(trials, k)]
-            gain += weight * empty.reshape(len(trials), k + 1, -1).sum(axis=1)
+            gain += weight * (~filled[self._boxes(trials, k)]).sum(axis=1)
         return gain
 
     def _sizes(self) -> tuple[int, int]:
         return self._size, self._size + FINER
 
     def _none_filled(self) -> list[NDArray[np.bool_]]:
-        return [np.zeros(self.pairs.shape[1] * (k + 1) * 2**k, dtype=bool) for k in self._sizes()]
+        return [np.zeros(self._pairs.shape[1] * (k + 1) * 2**k, dtype=bool) for k in self._sizes()]
 
     def _boxes(self, trials: np.ndarray, k: int) -> NDArray[np.intp]:
         """Of every trial (n, pairs * shapes), pair and shape 2^-a by 2^-(k - a), the place of its box in the table."""
         n_bins = np.minimum(2.0 ** np.arange(k + 1)[:, None], self._n_values).astype(int)  # (shapes, parameters)
         bins = np.minimum((trials[:, None] * n_bins).astype(int), n_bins - 1)  # (trials, shapes, parameters)
-        one, other = self.pairs
+        one, other = self._pairs
         box = bins[:, :, one] * n_bins[::-1, other] + bins[:, ::-1, other]
         tables = np.arange((k + 1) * len(one)).reshape(k + 1, len(one)) * 2**k
         return np.asarray((box + tables).reshape(len(trials), tables.size))

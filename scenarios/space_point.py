@@ -15,7 +15,6 @@ from scenarios.space import Space, drip_at, scenario_at
 
 PLACES = ("leak range", "leak azimuth")
 LEAKS = "leaks"
-EFFORT_PER_MEGAPIXEL = 2.2
 BELOW_ONE = math.nextafter(1.0, 0.0)
 
 
@@ -66,17 +65,6 @@ def scenario_of(space: Space, shares: Sequence[float], seed: int) -> Scenario | 
         leaks = tuple(LeakTable(x_m=place.x_m, y_m=place.y_m, **drip) for place in places(space, shares))
         scenario = scenario.model_copy(update={"leak": leaks})
     return None if violations(scenario) else scenario
-
-
-def effort_of(space: Space, shares: Sequence[float]) -> float:
-    """How long a point's scene takes, rendered and searched by the robust method, in the time of a leak: to a third.
-
-    Fitted to 90 scenes of 320 x 180 px, where it is 0.1 s of one core.
-    """
-    scenario = space.base_scenario
-    n_frames = values_at(space, shares).get("recording.n_frames", scenario.recording.n_frames)
-    megapixels = space.width_px * space.height_px / 1e6
-    return 1.0 + EFFORT_PER_MEGAPIXEL * n_frames * megapixels + (n_leaks(space, shares) if space.max_leaks else 0)
 
 
 def parameters(space: Space) -> list[str]:

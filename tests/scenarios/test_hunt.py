@@ -17,16 +17,15 @@ from scenarios.cli import main
 from scenarios.draws import seed_of_clip
 from scenarios.estimators import EstimatorSpec
 from scenarios.hunt import DOWNHILL, Quarry, hunt, on_lanes
-from scenarios.hunt_moves import Known, Promise
 from scenarios.hunted import Cell
 from scenarios.lanes import lanes_of
 from scenarios.margins import Margins
-from scenarios.projections import FINER, WEIGHTS, Projections
+from scenarios.projections import Projections
 from scenarios.run_campaign import local_workers
 from scenarios.scene_work import LeakOutcome, MethodOutcome, limit_s
 from scenarios.space import NOMINAL
 from scenarios.space_file import read_space
-from scenarios.space_point import effort_of, n_shares, reach_m, scenario_of, trials_of
+from scenarios.space_point import n_shares, reach_m, scenario_of, trials_of
 
 pytestmark = pytest.mark.xdist_group("hunts")  # one worker: what they share is made once
 
@@ -112,31 +111,6 @@ def test_what_leads_nowhere_makes_room_for_filling():
         assert of_round.count("filling") == len(of_round) - n
 
 
-def promise_of(*points):
-    """What points promise when nothing is known: every box empty, every leak observable; and how long they take."""
-    known = Known(space())
-    promise = Promise(known.space, known.seen, known.visibility, 0).of([list(shares) for shares in points])
-    return promise, np.array([effort_of(known.space, shares) for shares in points])
-
-
-def test_of_scenes_that_fill_as_much_the_quicker_promises_more():
-    few, many = ([0.5, 0.5, frames, *[0.5] * (n_shares(space()) - 3)] for frames in (0.1, 0.9))
-    promise, effort = promise_of(few, many)
-    assert promise[0] > promise[1]
-    assert promise[0] * effort[0] == pytest.approx(promise[1] * effort[1])
-
-
-@given(st.integers(0, 1000))
-def test_what_is_of_the_scene_its_leaks_try_once(seed):
-    where = space()
-    shares = np.random.default_rng(seed).random(n_shares(where))
-    n_leaks, of_scene = len(trials_of(where, shares)), len(where.axes) + 1
-    promise, effort = promise_of(shares)
-    scene_pairs = math.comb(of_scene, 2)
-    leak_pairs = math.comb(of_scene + 2, 2) - scene_pairs
-    assert promise * effort == pytest.approx(np.dot(WEIGHTS, [1, 1 + FINER]) * (scene_pairs + n_leaks * leak_pairs))
-
-
 @given(st.integers(0, 1000))
 def test_a_leak_tries_the_place_that_it_has_to_the_centimetre(seed):
     where = space()
@@ -155,9 +129,9 @@ def test_whoever_fills_most_gaps_leaves_no_quarter_of_any_pair_of_parameters_emp
     seen, chosen = Projections([np.inf] * 4), []
     for _ in range(24):
         candidates = rng.random((64, 4))
-        chosen.append(candidates[seen.gain(candidates).sum(axis=1).argmax()])
+        chosen.append(candidates[seen.gain(candidates).argmax()])
         seen.add(chosen[-1][None])
-        assert seen.gain(chosen[-1][None]).sum() == 0.0  # what has been tried fills nothing any more
+        assert seen.gain(chosen[-1][None])[0] == 0.0  # what has been tried fills nothing any more
     quarters = (np.array(chosen) * 2).astype(int)
     for one in range(4):
         for other in range(one):
@@ -168,7 +142,7 @@ def test_boxes_are_never_finer_than_the_values_of_a_parameter():
     seen = Projections([2.0, np.inf])
     for share in np.linspace(0.01, 0.99, 64):
         seen.add(np.array([[0.1, share]]))
-    near, far = seen.gain(np.array([[0.4, 0.5], [0.6, 0.5]]))[:, 0]
+    near, far = seen.gain(np.array([[0.4, 0.5], [0.6, 0.5]]))
     assert near < far
 
 
