@@ -35,6 +35,13 @@ def method(request):
     return request.param
 
 
+def test_a_clip_is_the_same_to_the_byte_on_one_thread(clip):
+    alone = simulate(scenario(), threads=1)
+    np.testing.assert_array_equal(alone.left, clip.left)
+    np.testing.assert_array_equal(alone.right, clip.right)
+    assert alone.truth == clip.truth
+
+
 def places(left, right, rig, method):
     """Estimated places (n, 2), m, by their first coordinate."""
     estimate = leakloc.locate(np.ascontiguousarray(left), np.ascontiguousarray(right), rig, method=method)
