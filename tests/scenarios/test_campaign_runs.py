@@ -133,7 +133,7 @@ def test_what_a_foreign_estimator_does_is_an_outcome_of_its_own_run_alone(tmp_pa
 
 def test_a_clip_that_cannot_be_made_is_a_crash_in_words(tmp_path, monkeypatch):
     scene = read_campaign(small_campaign(tmp_path)).scenes()[0]
-    monkeypatch.setattr("scenarios.scene_work.simulate", lambda _, threads: 1 / 0)
+    monkeypatch.setattr("scenarios.scene_work.simulate", lambda *_, **__: 1 / 0)
     (run_,) = run_scene(SceneWork(0, scene.scenario, (EstimatorSpec("method", "paper"),), 60.0)).runs
     assert (run_.outcome, run_.detail, run_.leaks) == ("crash", "ZeroDivisionError: division by zero", ())
 
