@@ -37,7 +37,7 @@ from scenarios.space_point import n_shares, scenario_of  # noqa: E402
 NEVER = 10**6
 CODE = "missed.unexplained"
 MOST_FIELDS = 3
-BATCH = 48
+BATCH = 12  # as many as a hunt's round
 ROBUST = EstimatorSpec("method", "robust")
 WORDS = max(len(planted.words) for planted in PLANTED) + 1
 
@@ -94,10 +94,7 @@ def over_rendered_seeds(seeds, budget_s, n_workers):
     for seed in seeds:
         for of_kind, rounds, kind in zip(both, (hunted_rounds, random_rounds), ("hunt", "random"), strict=True):
             with lanes_of(local_workers(n_workers)) as lanes:  # each begins with workers that know nothing
-                end_s = time.monotonic() + budget_s
-                until, n_scenes = first_met(
-                    rounds(on_lanes(lanes), seed), lambda _, end_s=end_s: time.monotonic() > end_s
-                )
+                until, n_scenes = first_met(rounds(on_lanes(lanes), seed), _over_after(budget_s))
             of_kind.append(until)
             met = sum(one < NEVER for one in until)
             print(f"seed {seed}, {kind}: {met} met in {n_scenes} scenes: {list(map(_scenes, until))}", flush=True)
