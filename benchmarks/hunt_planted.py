@@ -1,17 +1,17 @@
 """How soon a hunt meets ten planted failures, beside plain random sampling of the same space.
 
-Until a hunt meets its failure it goes as if there were none, so one hunt of a method that is nowhere blind tells for
-all ten when they would be met: when an observable leak first stands in their range. Part 1, over seeds, with stand-ins
-that do not render. Part 2 (--rendered), the same with the robust method on 2 workers, hunts and random samples of so
-many seconds each. Part 3 (--each): ten hunts of the robust method made blind, each until it meets its failure; what is
-met is shrunk and replayed from its file.
+Part 1, over seeds, with stand-ins that do not render: failures at the end of a slope, and the same as cliffs. Part 2
+(--each): the robust method made blind, rendered, on 2 workers: ten hunts, each until it meets its failure, which is
+shrunk and replayed from its file; then a random sample of as many seconds as each of them may take, which tells of all
+ten at once: one is met when an observable leak stands in its range.
 """
 
 import argparse
 import sys
 import tempfile
 import time
-from itertools import count
+from concurrent.futures import ProcessPoolExecutor
+from itertools import chain, count, islice
 from pathlib import Path
 
 import cv2
@@ -20,7 +20,7 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "scenarios")]
 
-from planted_failures import NOWHERE, PLANTED, is_met, situation_of, space, stand_in, stands_in  # noqa: E402
+from planted_failures import CLIFFS, PLANTED, is_met, situation_of, space, stand_in, stands_in  # noqa: E402
 
 from scenarios.draws import seed_of_clip  # noqa: E402
 from scenarios.estimators import EstimatorSpec  # noqa: E402
@@ -42,12 +42,6 @@ ROBUST = EstimatorSpec("method", "robust")
 WORDS = max(len(planted.words) for planted in PLANTED) + 1
 
 
-def hunted_rounds(evaluate, seed):
-    """Yield rounds of (scenario, run) of a hunt without end."""
-    for tried in hunt(Quarry(space(), ROBUST, seed), evaluate):
-        yield [(one.scenario, one.run) for one in tried]
-
-
 def random_rounds(evaluate, seed):
     """Yield rounds of (scenario, run) of a random sample without end."""
     where, rng, number = space(), np.random.default_rng(10_000 + seed), count()
@@ -58,63 +52,41 @@ def random_rounds(evaluate, seed):
         yield [(work.scenario, run) for work, run in zip(works, evaluate(works), strict=True)]
 
 
-def first_met(rounds, is_over):
-    """Return the scenes until each of the ten is met, and how many there were until `is_over` said so of their number.
-
-    A round that ends after the end does not count.
-    """
-    until, number = [NEVER] * len(PLANTED), 0
-    for scenes in rounds:
-        if is_over(number + len(scenes)):
-            return until, number
-        for scene, run in scenes:
-            number += 1
-            for i, planted in enumerate(PLANTED):
-                if until[i] == NEVER and stands_in(planted, scene, run):
-                    until[i] = number
-    raise AssertionError("unreachable: rounds have no end")
+def over_seeds(failures, n_seeds, budget, n_workers):
+    """Print scenes until each is met, by hunts and by random samples; nothing is rendered."""
+    jobs = [(planted, seed, budget) for planted in failures for seed in range(n_seeds)]
+    with ProcessPoolExecutor(n_workers) as pool:
+        rows = np.array(list(pool.map(_until_met, jobs))).reshape(len(failures), n_seeds, 2)
+    print_table(failures, rows.transpose(2, 1, 0))
 
 
-def over_seeds(n_seeds, budget):
-    print(f"scenes until met, median over {n_seeds} seeds, and seeds that met it within {budget} scenes; not rendered")
+def _until_met(job):
+    """Return the scenes until a planted failure is met by a hunt, and by a random sample."""
+    planted, seed, budget = job
 
     def evaluate(works):
-        return [stand_in(NOWHERE, work.scenario) for work in works]
+        return [stand_in(planted, work.scenario) for work in works]
 
-    both = [
-        [first_met(rounds(evaluate, seed), lambda n: n > budget)[0] for seed in range(n_seeds)]
-        for rounds in (hunted_rounds, random_rounds)
+    hunted = ([(one.scenario, one.run) for one in tried] for tried in hunt(Quarry(space(), ROBUST, seed), evaluate))
+    return [
+        next((i + 1 for i, (scene, run) in enumerate(_first(rounds, budget)) if is_met(planted, scene, run)), NEVER)
+        for rounds in (hunted, random_rounds(evaluate, seed))
     ]
-    print_table(np.array(both))
 
 
-def over_rendered_seeds(seeds, budget_s, n_workers):
-    print(f"rendered, the robust method, {n_workers} workers, {budget_s:g} s a hunt and as many a random sample")
-    both = [[], []]
-    for seed in seeds:
-        for of_kind, rounds, kind in zip(both, (hunted_rounds, random_rounds), ("hunt", "random"), strict=True):
-            with lanes_of(local_workers(n_workers)) as lanes:  # each begins with workers that know nothing
-                until, n_scenes = first_met(rounds(on_lanes(lanes), seed), _over_after(budget_s))
-            of_kind.append(until)
-            met = sum(one < NEVER for one in until)
-            print(f"seed {seed}, {kind}: {met} met in {n_scenes} scenes: {list(map(_scenes, until))}", flush=True)
-    print_table(np.array(both))
+def _first(rounds, n):
+    return islice(chain.from_iterable(rounds), n)
 
 
-def _over_after(budget_s):
-    end_s = time.monotonic() + budget_s
-    return lambda _: time.monotonic() > end_s
-
-
-def print_table(both):
-    """Print scenes until met, (hunt and random, seeds, ten)."""
+def print_table(failures, both):
+    """Print scenes until met, (hunt and random, seeds, failures)."""
     n_seeds = both.shape[1]
     print(f"{'planted':<{WORDS}} {'share':>6} {'hunt':>14} {'random':>14}")
-    for i, planted in enumerate(PLANTED):
+    for i, planted in enumerate(failures):
         medians = [_scenes(np.quantile(row, 0.5, method="higher")) for row in both[:, :, i]]
         met = [np.sum(row < NEVER) for row in both[:, :, i]]
         cells = [f"{median:>7} {n:>3}/{n_seeds}" for median, n in zip(medians, met, strict=True)]
-        print(f"{planted.words:<{WORDS}} {planted.share:6.1%} {cells[0]:>14} {cells[1]:>14}")
+        print(f"{planted.words:<{WORDS}} {planted.share:6.2%} {cells[0]:>14} {cells[1]:>14}")
     for name, of_seeds in zip(("hunt", "random"), (both < NEVER).sum(axis=2), strict=True):
         print(f"{name}: of ten, {of_seeds.mean():.1f} on average, {of_seeds.min()} to {of_seeds.max()} over seeds")
 
@@ -145,6 +117,25 @@ def each(budget_s, n_workers, seed):
     return len(shown), few, same
 
 
+def at_random(budget_s, n_workers, seed):
+    """Sample at random for as long as each hunt may take; returns how many of ten are met."""
+    end_s = time.monotonic() + budget_s
+    until, n_scenes = {}, 0
+    with lanes_of(local_workers(n_workers)) as lanes:
+        for scenes in random_rounds(on_lanes(lanes), seed):
+            if time.monotonic() > end_s:
+                break
+            for scene, run in scenes:
+                n_scenes += 1
+                for planted in PLANTED:
+                    if stands_in(planted, scene, run):
+                        until.setdefault(planted.words, n_scenes)
+    print(f"at random, {len(until)} of ten met in {n_scenes} scenes, {budget_s:g} s:", flush=True)
+    for words, n in until.items():
+        print(f"{words:<{WORDS}} {n:>7}")
+    return len(until)
+
+
 def _leak_met(planted, found):
     scene = found.scenario
     missed = [leak.leak for leak in found.run.leaks if leak.observable and leak.code != "found"]
@@ -171,21 +162,22 @@ def _replays(scenario, spec):
 
 def main():
     options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("--seeds", type=int, default=6, help="so many, from --seed on")
-    options.add_argument("--scenes", type=int, default=900, help="of part 1")
-    options.add_argument("--rendered", action="store_true")
-    options.add_argument("--each", action="store_true", help="with --seed alone")
-    options.add_argument("--budget-s", type=float, default=300.0)
+    options.add_argument("--seeds", type=int, default=6, help="of part 1")
+    options.add_argument("--scenes", type=int, default=700, help="of part 1, at most")
+    options.add_argument("--each", action="store_true", help="part 2")
+    options.add_argument("--budget-s", type=float, default=300.0, help="of part 2")
     options.add_argument("--workers", type=int, default=2)
-    options.add_argument("--seed", type=int, default=0)
+    options.add_argument("--seed", type=int, default=0, help="of part 2")
     given = options.parse_args()
     cv2.setNumThreads(1)
     if given.each:
         each(given.budget_s, given.workers, given.seed)
-    elif given.rendered:
-        over_rendered_seeds(range(given.seed, given.seed + given.seeds), given.budget_s, given.workers)
-    else:
-        over_seeds(given.seeds, given.scenes)
+        at_random(given.budget_s, given.workers, given.seed)
+        return
+    print(f"scenes until met, median over {given.seeds} seeds, and seeds that met it within {given.scenes} scenes")
+    for words, failures in (("at the end of slopes", PLANTED), ("cliffs", CLIFFS)):
+        print(f"{words}; not rendered")
+        over_seeds(failures, given.seeds, given.scenes, given.workers)
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ THIRDS = 3
 
 @dataclass(frozen=True)
 class Move:
-    """A scene to try: its point, its seed, and what it is for (start, downhill, spreading, filling)."""
+    """A scene to try: its point, its seed, and what it is for (start, downhill, chasing, spreading, filling)."""
 
     shares: tuple[float, ...]
     seed: int

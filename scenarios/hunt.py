@@ -1,4 +1,4 @@
-"""Look for failures where they are: a quasi-random start, then signed margins downhill, and ever finer gaps filled.
+"""Look for failures where they are: a quasi-random start, then down signed margins, into dips, and finer gaps filled.
 
 Adaptive, so its scenes are counterexamples and no sample: `hunted.py` keeps rates from being made of them.
 Deterministic from the seed and the number of scenes, whatever the number of workers: what a round tries follows from
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from scenarios.atlas import Move, Tried
 from scenarios.draws import Stream, rng_for, seed_of_clip
 from scenarios.estimators import EstimatorSpec
-from scenarios.hunt_moves import Known, downhill, filling, spreading
+from scenarios.hunt_moves import Known, chasing, downhill, filling, spreading
 from scenarios.lanes import Lanes
 from scenarios.scenario import Scenario
 from scenarios.scene_work import MethodOutcome, SceneWork, limit_s
@@ -21,7 +21,10 @@ from scenarios.space_point import n_shares, scenario_of
 N_START = 32
 ROUND = 12
 DOWNHILL, SPREADING = 3, 2
-"""Of a round, at most: as many as of the last ones showed something new, at least one. The rest fills gaps."""
+"""Of a round, at most: as many as of the last ones showed something new, at least one."""
+
+CHASING = 5
+"""Of a round, at most: as many as there are dips. The rest fills gaps."""
 
 SCENE_LIMIT_S = 120.0
 Evaluate = Callable[[Sequence[SceneWork]], list[MethodOutcome]]
@@ -41,7 +44,8 @@ def hunt(quarry: Quarry, evaluate: Evaluate, n_scenes: int | None = None) -> Ite
     """Yield round after round of scenes tried, without end or until there are `n_scenes`; an `Atlas` keeps failures.
 
     The first round is quasi-random (scrambled Sobol); in the others some scenes go downhill from the smallest margins,
-    some carry known failures into cells where their code was not seen, and the rest fill the gaps that are left. What
+    some look where leaks are found less strongly than they should be, some carry known failures into cells where their
+    code was not seen, and the rest fill the gaps that are left. What
     brings nothing new makes room for filling: margins lead nowhere when failures are not at the end of a slope.
     """
     known, number = Known(quarry.space, rng=rng_for(quarry.seed, Stream.HUNT, 1)), 0
@@ -96,5 +100,7 @@ def _next(quarry: Quarry, known: Known, number: int) -> list[Move]:
     rng = rng_for(quarry.seed, Stream.HUNT, number)
     moves = downhill(known, known.paying("downhill", DOWNHILL), rng=rng)
     moves += spreading(known, known.paying("spreading", SPREADING), rng=rng)
+    seeds = [seed_of_clip(quarry.seed, number + i) for i in range(len(moves), ROUND)]
+    moves += chasing(known, seeds[:CHASING], rng=rng)
     seeds = [seed_of_clip(quarry.seed, number + i) for i in range(len(moves), ROUND)]
     return moves + filling(known, seeds, rng=rng)

@@ -1,4 +1,4 @@
-"""What a hunt tries next: downhill on margins, known failures into new cells, and the gaps that nothing has filled."""
+"""What a hunt tries next: downhill on margins, into dips, known failures in new cells, and gaps nothing has filled."""
 
 from dataclasses import dataclass
 from itertools import count
@@ -6,12 +6,14 @@ from itertools import count
 import numpy as np
 
 from scenarios.atlas import Atlas, Move, Tried, cells_of
+from scenarios.failures import FOUND
 from scenarios.hunted import Cell
 from scenarios.margins import SHOULD_BE_RIGHT
 from scenarios.projections import Projections
 from scenarios.space import Space
 from scenarios.space_point import n_shares, n_values, parameters, places, scenario_of, trials_of
 from scenarios.visibility import Visibility
+from scenarios.weakness import Aim, Weakness
 
 CLOSE = 0.4
 """Margins above are no slope to go down: scores of more than twice the threshold, errors under half the bound."""
@@ -26,6 +28,9 @@ MEMORY = 24
 """Moves of a kind by which the next are measured."""
 
 N_CANDIDATES, N_OTHERS = 30, 12
+N_LIKELY = 5
+"""Of the candidates: those whose aimed leak is most likely to be observable."""
+
 MANY_LEAKS = 0.25
 """Power of a share of the number of leaks: of three, 80 % of scenes have all, 1 % one."""
 
@@ -55,6 +60,8 @@ class Known:
         self.narrowest = SHOULD_BE_RIGHT
         self.seen = Projections(n_values(space))
         self.visibility = Visibility()
+        self.weakness = Weakness(len(parameters(space)))
+        self.aims: dict[Move, Aim] = {}
 
     def add(self, tried: Tried) -> None:
         """Take in a scene. Only what an observable leak has tried counts as tried: an estimator may miss the others."""
@@ -63,6 +70,7 @@ class Known:
         self.tried.append(tried)
         self.seen.add(trials[observable])
         self.visibility.add(trials, observable)
+        self._weigh(tried, trials)
         self.paid.setdefault(tried.move.origin, []).append(self._shows_something_new(tried))
         if tried.move in self.parents:
             parent = self.parents[tried.move]
@@ -82,6 +90,16 @@ class Known:
         """Return how many moves of a kind are worth while: as many as of the last ones showed something new, or one."""
         recent = self.paid.get(origin, [])[-MEMORY:]
         return most if len(recent) < MEMORY else min(max(sum(recent), 1), most)
+
+    def _weigh(self, tried: Tried, trials: np.ndarray) -> None:
+        """Take in how strongly leaks were found, and whether the leak that was aimed (the first) was not."""
+        strengths = tried.run.margins.strengths
+        rows = [min(leak, len(trials) - 1) for leak, _ in strengths]  # one for all where the leaks are the base's
+        self.weakness.add(trials[rows], np.array([margin for _, margin in strengths]))
+        if tried.move in self.aims:
+            aimed = tried.run.leaks[:1] if self.space.max_leaks else tried.run.leaks
+            missed = any(leak.observable and leak.code != FOUND for leak in aimed)
+            self.weakness.learn(self.aims[tried.move], has_failed=missed)
 
     def _shows_something_new(self, tried: Tried) -> bool:
         """Whether a scene opens a cell of the atlas, or is right by less than any before: add it to both."""
@@ -119,6 +137,22 @@ def downhill(known: Known, n_moves: int, *, rng: np.random.Generator) -> list[Mo
             moves.append(move)
         if len(moves) == n_moves:
             break
+    return moves
+
+
+def chasing(known: Known, seeds: list[int], *, rng: np.random.Generator) -> list[Move]:
+    """Return new scenes, up to one a seed, whose first leak lies in a dip; all else of them fills gaps."""
+    n_axes, moves = len(known.space.axes), []
+    for aim, seed in zip(known.weakness.aims(len(seeds), rng=rng), seeds, strict=False):
+        candidates = rng.random((N_CANDIDATES, n_shares(known.space)))
+        candidates[:, n_axes : n_axes + 1] **= MANY_LEAKS
+        candidates[:, aim.parameters] = aim.shares
+        chance = [known.visibility.chance(trials_of(known.space, shares))[0] for shares in candidates.tolist()]
+        likely = candidates[np.argsort(chance, kind="stable")[-N_LIKELY:]].tolist()
+        shares = Promise(known.space, known.seen, known.visibility, seed).best(likely)
+        if shares is not None:
+            moves.append(Move(tuple(shares), seed, "chasing"))
+            known.aims[moves[-1]] = aim
     return moves
 
 

@@ -33,13 +33,15 @@ SHOULD_BE_RIGHT, SHOULD_BE_WRONG = 1.0, -1.0
 class Margins:
     """Of one clip: the least over observable leaks found or missed, over estimates told, and over errors.
 
-    NaN: no leak is observable, or none of them is found. `errors` holds, by leak, the margin of each found one.
+    NaN: no leak is observable, or none of them is found. `errors` holds, by leak, the margin of each found one, and
+    `strengths` of each observable one how far it is from being missed.
     """
 
     missing: float
     false: float
     error: float
     errors: tuple[tuple[int, float], ...] = ()
+    strengths: tuple[tuple[int, float], ...] = ()
 
     @property
     def least(self) -> float:
@@ -56,19 +58,20 @@ def margins(estimate: Estimate, truth: Truth, scored: Score) -> Margins:
     observable = {leak.id: leak for leak in truth.leaks if leak.observable}
     found = {pair.leak_id: pair for pair in scored.gated.pairs if pair.leak_id in observable}
     threshold = threshold_of(estimate)
-    missing = [
+    strengths = [
         _above(estimate.leaks[found[leak.id].estimate].score / threshold, SHOULD_BE_RIGHT)
         if leak.id in found
         else min(_above(_strength_near(estimate, leak) / threshold, SHOULD_BE_WRONG), REJECTED)
         for leak in observable.values()
     ]
+    told = tuple(zip(observable, strengths, strict=True))
     false = [
         min(-_above(estimate.leaks[i].score / threshold, SHOULD_BE_RIGHT), REJECTED) for i in scored.gated.false
     ] or [SHOULD_BE_RIGHT]
     errors = tuple(
         (leak_id, _below(pair.error_m / bound_m(truth, observable[leak_id]))) for leak_id, pair in found.items()
     )
-    return Margins(_least(missing), min(false), _least([margin for _, margin in errors]), errors)
+    return Margins(_least(strengths), min(false), _least([margin for _, margin in errors]), errors, told)
 
 
 def bound_m(truth: Truth, leak: LeakTruth) -> float:

@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from planted_failures import NOWHERE, PLANTED, Planted, between, is_met, space, stand_in
+from planted_failures import NOWHERE, PLANTED, Planted, Range, is_met, space, stand_in
 
 from scenarios.atlas import THIRDS, Atlas, cells_of
 from scenarios.cli import main
@@ -32,10 +32,10 @@ pytestmark = pytest.mark.xdist_group("hunts")  # one worker: what they share is 
 ROBUST = EstimatorSpec("method", "robust")
 BUDGET = 100
 FREQUENT = (
-    Planted("b, f", 0.016, lambda s: between(s.baseline_m, 0.55, 0.60) and between(s.hfov_deg, 60, 63)),
-    Planted("b, n", 0.013, lambda s: between(s.baseline_m, 0.30, 0.34) and between(s.n_frames, 20, 21)),
-    Planted("azimuth, r", 0.014, lambda s: between(s.azimuth, 0.60, 0.72) and between(s.area, 0.30, 0.42)),
-    Planted("azimuth, b", 0.015, lambda s: between(s.azimuth, 0.20, 0.30) and between(s.baseline_m, 0.62, 0.67)),
+    Planted("b, f", (Range("baseline_m", 0.55, 0.60), Range("hfov_deg", 60, 63)), 0.0),
+    Planted("b, n", (Range("baseline_m", 0.30, 0.34), Range("n_frames", 20, 21)), 0.0),
+    Planted("azimuth, r", (Range("azimuth", 0.60, 0.72), Range("area", 0.30, 0.42)), 0.0),
+    Planted("azimuth, b", (Range("azimuth", 0.20, 0.30), Range("baseline_m", 0.62, 0.67)), 0.0),
 )
 
 
