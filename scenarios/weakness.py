@@ -21,8 +21,9 @@ N_CENTRES = 60
 """The leaks that fall short by most are where dips are looked for."""
 
 LEAST_Z = 3.0
-PATIENCE = 14
-"""Aims at a dip that meet no failure before it is left alone. One that meets a failure ends it: the atlas has it."""
+PATIENCE = 5
+"""Aims at a dip that meet no failure before it is left alone, for each standard deviation that it is deep. One that
+meets a failure ends it: the atlas has it."""
 
 N_PLACES = 40
 RIDGE = 1.0
@@ -72,10 +73,10 @@ class Weakness:
         shortfalls = self._shortfalls()
         spread = max(1.4826 * float(np.median(np.abs(shortfalls))), LEAST_SPREAD)
         centres: list[Aim] = []
-        for centre in self._dips(shortfalls, spread):
+        for centre, depth in self._dips(shortfalls, spread):
             if len(centres) == n:
                 break
-            if not self._is_over(centre) and not any(map(centre.is_near, centres)):
+            if not self._is_over(centre, depth) and not any(map(centre.is_near, centres)):
                 centres.append(centre)
         return [self._lowest_bound(centre, shortfalls, spread, rng=rng) for centre in centres]
 
@@ -88,8 +89,11 @@ class Weakness:
         excess = self._strengths - features @ weights
         return np.clip(excess - np.median(excess), LEAST_SHORTFALL, -LEAST_SHORTFALL)
 
-    def _dips(self, shortfalls: np.ndarray, spread: float) -> list[Aim]:
-        """Return centres of discs whose leaks fall short by LEAST_Z standard deviations or more, the surest first."""
+    def _dips(self, shortfalls: np.ndarray, spread: float) -> list[tuple[Aim, float]]:
+        """Return centres of discs whose leaks fall short by LEAST_Z standard deviations or more, and by how many.
+
+        The surest come first.
+        """
         lowest = np.argsort(shortfalls, kind="stable")[:N_CENTRES]
         at = self._trials[lowest]
         kernel = _kernel(at[:, :, None] - self._trials.T)  # (centres, parameters, leaks)
@@ -97,12 +101,15 @@ class Weakness:
         z = sums / (spread * np.sqrt(kernel**2 @ (kernel**2).transpose(0, 2, 1)))
         planes = np.triu(np.ones(z.shape[1:], dtype=bool))
         found = sorted(zip(z[(z < -LEAST_Z) & planes], *np.nonzero((z < -LEAST_Z) & planes), strict=True))
-        wheres = [(centre, tuple(dict.fromkeys((int(one), int(other))))) for _, centre, one, other in found]
-        return [Aim(parameters, tuple(at[centre, list(parameters)].tolist())) for centre, parameters in wheres]
+        dips = []
+        for fall, centre, one, other in found:
+            parameters = [int(one)] if one == other else [int(one), int(other)]
+            dips.append((Aim(tuple(parameters), tuple(at[centre, parameters].tolist())), -float(fall)))
+        return dips
 
-    def _is_over(self, centre: Aim) -> bool:
+    def _is_over(self, centre: Aim, depth: float) -> bool:
         failed = [has_failed for aim, has_failed in self._tried if aim.is_near(centre)]
-        return any(failed) or len(failed) >= PATIENCE
+        return any(failed) or len(failed) >= PATIENCE * depth
 
     def _lowest_bound(self, centre: Aim, shortfalls: np.ndarray, spread: float, *, rng: np.random.Generator) -> Aim:
         """Return the most promising of some random places near the centre of a dip."""

@@ -98,27 +98,25 @@ class Planted:
 
 
 PLANTED = (
-    Planted("leak azimuth 44.5-45.0 deg right", (Range("azimuth", 0.25, 0.253),)),
-    Planted("leak 1.61-1.63 m from the middle", (Range("area", 0.49, 0.50),)),
-    Planted(
-        "baseline 0.55-0.56 m, field of view 60-61 deg", (Range("baseline_m", 0.55, 0.56), Range("hfov_deg", 60, 61))
-    ),
-    Planted("baseline 0.30-0.31 m, 20 frames", (Range("baseline_m", 0.30, 0.31), Range("n_frames", 20, 20))),
-    Planted("field of view 71-72 deg, 10 frames", (Range("hfov_deg", 71, 72), Range("n_frames", 10, 10))),
+    Planted("leak azimuth 44.6-45.0 deg right", (Range("azimuth", 0.25, 0.252),)),
+    Planted("leak 1.618-1.626 m from the middle", (Range("area", 0.495, 0.50),)),
+    Planted("baseline 0.55-0.56 m, field of view 60 deg", (Range("baseline_m", 0.55, 0.56), Range("hfov_deg", 60, 60))),
+    Planted("baseline 0.30 m, 20 frames", (Range("baseline_m", 0.30, 0.30), Range("n_frames", 20, 20))),
+    Planted("field of view 71 deg, 10 frames", (Range("hfov_deg", 71, 71), Range("n_frames", 10, 10))),
     Planted(
         "leak azimuth 22-27 deg left, 1.26-1.32 m from the middle",
         (Range("azimuth", 0.62, 0.65), Range("area", 0.30, 0.33)),
     ),
     Planted(
-        "leak azimuth 45-50 deg right, baseline 0.62-0.63 m",
-        (Range("azimuth", 0.22, 0.25), Range("baseline_m", 0.62, 0.63)),
+        "leak azimuth 45-49 deg right, baseline 0.62-0.63 m",
+        (Range("azimuth", 0.23, 0.25), Range("baseline_m", 0.62, 0.63)),
     ),
-    Planted("leak 0.73-0.83 m from the middle, 17 frames", (Range("area", 0.10, 0.13), Range("n_frames", 17, 17))),
+    Planted("leak 0.73-0.80 m from the middle, 17 frames", (Range("area", 0.10, 0.12), Range("n_frames", 17, 17))),
     Planted(
-        "leak 1.78-1.83 m from the middle, field of view 75-76 deg",
-        (Range("area", 0.60, 0.63), Range("hfov_deg", 75, 76)),
+        "leak 1.78-1.81 m from the middle, field of view 75-76 deg",
+        (Range("area", 0.60, 0.62), Range("hfov_deg", 75, 76)),
     ),
-    Planted("leak azimuth 13-18 deg right, 12 frames", (Range("azimuth", 0.40, 0.43), Range("n_frames", 12, 12))),
+    Planted("leak azimuth 14-18 deg right, 12 frames", (Range("azimuth", 0.40, 0.42), Range("n_frames", 12, 12))),
 )
 """Each so rare that random scenes, as many as five minutes hold, meet some half of them."""
 
