@@ -3,6 +3,7 @@
 import json
 import math
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from scenarios.cli import main
 from scenarios.draws import seed_of_clip
 from scenarios.estimators import EstimatorSpec
 from scenarios.hunt import DOWNHILL, Quarry, hunt, on_lanes
+from scenarios.hunt_moves import Known, chasing
 from scenarios.hunted import Cell
 from scenarios.lanes import lanes_of
 from scenarios.margins import Margins
@@ -101,14 +103,37 @@ def test_margins_lead_downhill_to_where_they_are_negative():
     assert min(one.run.margins.least for one in down) < 0.0 <= min(one.run.margins.least for one in start)
 
 
+def all_found_by_a_small_margin(scenario):
+    run = stand_in(NOWHERE, scenario)
+    leaks = tuple(replace(leak, code="found") if leak.observable else leak for leak in run.leaks)
+    return replace(run, leaks=leaks, margins=Margins(0.2, 1.0, 1.0, strengths=((0, 0.2),)))
+
+
 def test_what_leads_nowhere_makes_room_for_filling():
-    rounds = hunt(Quarry(space(), ROBUST, 0), lambda works: [stand_in(NOWHERE, work.scenario) for work in works], 300)
+    rounds = hunt(
+        Quarry(space(), ROBUST, 0), lambda works: [all_found_by_a_small_margin(work.scenario) for work in works], 300
+    )
     origins = [[one.move.origin for one in tried] for tried in rounds]
     downhill = [of_round.count("downhill") for of_round in origins]
-    assert max(downhill) == DOWNHILL  # many margins are small, and none leads to a failure
+    assert max(downhill) == DOWNHILL  # all margins are small, and none leads to a failure
     assert np.mean(downhill[-4:]) <= 1.5
     for of_round, n in zip(origins[1:], downhill[1:], strict=True):
         assert of_round.count("filling") == len(of_round) - n
+
+
+def test_a_hunt_looks_into_dips_with_the_first_leak_and_all_else_as_it_comes(harness_seed):
+    quarry, on_slope = Quarry(space(), ROBUST, harness_seed), Planted("wide", PLANTED[8].ranges, 0.3)
+    known = Known(quarry.space, rng=np.random.default_rng(harness_seed))
+    for tried in hunt(quarry, lambda works: [stand_in(on_slope, work.scenario) for work in works], 150):
+        for one in tried:
+            known.add(one)
+    moves = chasing(known, list(range(5)), rng=np.random.default_rng(harness_seed))
+    assert moves
+    for move in moves:
+        aim = known.aims[move]
+        trial = trials_of(quarry.space, move.shares)[0, list(aim.parameters)]
+        assert trial == pytest.approx(aim.shares, abs=0.02)  # places are to the centimetre
+    assert len({move.shares for move in moves}) == len(moves)
 
 
 @given(st.integers(0, 1000))
