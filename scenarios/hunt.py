@@ -45,8 +45,8 @@ def hunt(quarry: Quarry, evaluate: Evaluate, n_scenes: int | None = None) -> Ite
 
     The first round is quasi-random (scrambled Sobol); in the others some scenes go downhill from the smallest margins,
     some look where leaks are found less strongly than they should be, some carry known failures into cells where their
-    code was not seen, and the rest fill the gaps that are left. What
-    brings nothing new makes room for filling: margins lead nowhere when failures are not at the end of a slope.
+    code was not seen, and the rest fill the gaps that are left. What brings nothing new makes room for filling: margins
+    lead nowhere when failures are not at the end of a slope.
     """
     known, number = Known(quarry.space, rng=rng_for(quarry.seed, Stream.HUNT, 1)), 0
     while n_scenes is None or number < n_scenes:

@@ -60,7 +60,7 @@ class Known:
         self.narrowest = SHOULD_BE_RIGHT
         self.seen = Projections(n_values(space))
         self.visibility = Visibility()
-        self.weakness = Weakness(len(parameters(space)))
+        self.weakness = Weakness(n_values(space))
         self.aims: dict[Move, Aim] = {}
 
     def add(self, tried: Tried) -> None:

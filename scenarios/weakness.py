@@ -7,6 +7,7 @@ Theory and Methods 26, 1997). Within a dip the next place is where the lower con
 lowest (Srinivas et al., Proceedings of ICML, 2010): where it is deep, or nobody has looked.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,7 +29,7 @@ meets a failure ends it: the atlas has it."""
 N_PLACES = 40
 RIDGE = 1.0
 LEAST_STRENGTH, MOST_STRENGTH = -1.0, 4.0
-LEAST_SHORTFALL = -2.0
+MOST_EXCESS = 2.0
 LEAST_SPREAD = 0.2
 DEPTH = 1.0
 """Standard deviation of dips, before any is seen. This and those above are of logarithms of score over threshold."""
@@ -50,9 +51,10 @@ class Aim:
 class Weakness:
     """How strongly the leaks so far were found, and where that led."""
 
-    def __init__(self, n_parameters: int) -> None:
-        """Begin without leaks."""
-        self._trials = np.zeros((0, n_parameters))
+    def __init__(self, n_values: Sequence[float]) -> None:
+        """Begin without leaks. `n_values`: how many values each parameter can take; those with one have no dips."""
+        self._varies = np.array(n_values) > 1
+        self._trials = np.zeros((0, len(n_values)))
         self._strengths = np.zeros(0)
         self._tried: list[tuple[Aim, bool]] = []
 
@@ -70,37 +72,37 @@ class Weakness:
         """Return up to n places to try, each in a dip of its own, the surest dips first."""
         if len(self._trials) < FEWEST:
             return []
-        shortfalls = self._shortfalls()
-        spread = max(1.4826 * float(np.median(np.abs(shortfalls))), LEAST_SPREAD)
+        excesses = self._excesses()
+        spread = max(1.4826 * float(np.median(np.abs(excesses))), LEAST_SPREAD)
         centres: list[Aim] = []
-        for centre, depth in self._dips(shortfalls, spread):
+        for centre, depth in self._dips(excesses, spread):
             if len(centres) == n:
                 break
             if not self._is_over(centre, depth) and not any(map(centre.is_near, centres)):
                 centres.append(centre)
-        return [self._lowest_bound(centre, shortfalls, spread, rng=rng) for centre in centres]
+        return [self._lowest_bound(centre, excesses, spread, rng=rng) for centre in centres]
 
-    def _shortfalls(self) -> np.ndarray:
-        """Return by how much each leak was found more strongly (> 0) or less than leaks like it, (n,); median 0."""
+    def _excesses(self) -> np.ndarray:
+        """Return by how much each leak was found more strongly (> 0) or less strongly than leaks like it, (n,)."""
         centred = 2.0 * self._trials - 1.0
         features = np.hstack([np.ones((len(centred), 1)), centred, centred**2])
         ridge = np.diag([1e-6] + [RIDGE] * (features.shape[1] - 1))
         weights = np.linalg.solve(features.T @ features + ridge, features.T @ self._strengths)
         excess = self._strengths - features @ weights
-        return np.clip(excess - np.median(excess), LEAST_SHORTFALL, -LEAST_SHORTFALL)
+        return np.clip(excess - np.median(excess), -MOST_EXCESS, MOST_EXCESS)
 
-    def _dips(self, shortfalls: np.ndarray, spread: float) -> list[tuple[Aim, float]]:
+    def _dips(self, excesses: np.ndarray, spread: float) -> list[tuple[Aim, float]]:
         """Return centres of discs whose leaks fall short by LEAST_Z standard deviations or more, and by how many.
 
         The surest come first.
         """
-        lowest = np.argsort(shortfalls, kind="stable")[:N_CENTRES]
+        lowest = np.argsort(excesses, kind="stable")[:N_CENTRES]
         at = self._trials[lowest]
         kernel = _kernel(at[:, :, None] - self._trials.T)  # (centres, parameters, leaks)
-        sums = (kernel * shortfalls) @ kernel.transpose(0, 2, 1)  # of a parameter with itself: a narrower disc
+        sums = (kernel * excesses) @ kernel.transpose(0, 2, 1)  # of a parameter with itself: a narrower disc
         z = sums / (spread * np.sqrt(kernel**2 @ (kernel**2).transpose(0, 2, 1)))
-        planes = np.triu(np.ones(z.shape[1:], dtype=bool))
-        found = sorted(zip(z[(z < -LEAST_Z) & planes], *np.nonzero((z < -LEAST_Z) & planes), strict=True))
+        is_dip = (z < -LEAST_Z) & np.triu(np.outer(self._varies, self._varies))
+        found = sorted(zip(z[is_dip], *np.nonzero(is_dip), strict=True))
         dips = []
         for fall, centre, one, other in found:
             parameters = [int(one)] if one == other else [int(one), int(other)]
@@ -111,17 +113,17 @@ class Weakness:
         failed = [has_failed for aim, has_failed in self._tried if aim.is_near(centre)]
         return any(failed) or len(failed) >= PATIENCE * depth
 
-    def _lowest_bound(self, centre: Aim, shortfalls: np.ndarray, spread: float, *, rng: np.random.Generator) -> Aim:
+    def _lowest_bound(self, centre: Aim, excesses: np.ndarray, spread: float, *, rng: np.random.Generator) -> Aim:
         """Return the most promising of some random places near the centre of a dip."""
         trials = self._trials[:, list(centre.parameters)]
         near = np.linalg.norm(trials - centre.shares, axis=1) < 3.0 * DISC
-        known, short = trials[near], shortfalls[near]
+        known, excess = trials[near], excesses[near]
         places = np.array(centre.shares) + DISC * rng.standard_normal((N_PLACES, len(centre.shares)))
         places = np.clip(places, 0.0, 1.0 - 1e-9)
         across = DEPTH**2 * _kernel_between(places, known)
         solved = np.linalg.solve(DEPTH**2 * _kernel_between(known, known) + spread**2 * np.eye(len(known)), across.T)
         variance = DEPTH**2 - (across * solved.T).sum(axis=1)
-        best = places[np.argmin(solved.T @ short - np.sqrt(np.maximum(variance, 0.0)))]
+        best = places[np.argmin(solved.T @ excess - np.sqrt(np.maximum(variance, 0.0)))]
         return Aim(centre.parameters, tuple(best.tolist()))
 
 

@@ -260,6 +260,16 @@ def test_whatever_a_foreign_estimator_says_beside_its_leaks_is_no_error(clip, me
     assert -1.0 <= told.least < 0.0  # a leak is missed, and one is false
 
 
+def test_strengths_tell_of_each_leak_by_what_it_is_from_being_missed(clip):
+    seen = clip.truth.leaks[0].model_copy(update={"observable": True})
+    missed = seen.model_copy(update={"id": seen.id + 1, "x_m": seen.x_m + 1.0, "left_column_px": None})
+    truth = clip.truth.model_copy(update={"leaks": (missed, seen)})
+    place = (seen.x_m, seen.y_m)
+    answer = answered((one_leak(x_m=place[0], y_m=place[1]),))
+    told = dict(margins(answer, truth, score([place], truth)).strengths)
+    assert told[seen.id] > 0.0 > told[missed.id]
+
+
 def test_a_baseline_of_another_size_or_seed_is_refused():
     rows = [row for space in STRATA for row in trials([True] * 5, space.name)]
     check_same_scenes({**baseline_of(rows), "seed": 7}, 5, 7)

@@ -133,7 +133,6 @@ def test_a_hunt_looks_into_dips_with_the_first_leak_and_all_else_as_it_comes(har
         aim = known.aims[move]
         trial = trials_of(quarry.space, move.shares)[0, list(aim.parameters)]
         assert trial == pytest.approx(aim.shares, abs=0.02)  # places are to the centimetre
-    assert len({move.shares for move in moves}) == len(moves)
 
 
 @given(st.integers(0, 1000))

@@ -27,7 +27,7 @@ def leaks_with_a_dip(pair, centre, seed, n=400):
     trials = rng.random((n, N_PARAMETERS))
     away = np.linalg.norm(trials[:, list(pair)] - centre, axis=1)
     log_ratios = 1.5 + SPREAD * rng.standard_normal(n) - 2.5 * np.clip(1.0 - away / 0.15, 0.0, 1.0)
-    weakness = Weakness(N_PARAMETERS)
+    weakness = Weakness([math.inf] * N_PARAMETERS)
     weakness.add(trials, margins_of(log_ratios))
     return weakness
 
@@ -46,7 +46,7 @@ def test_the_surest_dip_is_the_one_that_is_there(pair, centre, seed):
 @given(st.integers(0, 1000), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
 def test_what_is_smooth_in_a_parameter_is_no_dip(seed, slope, curvature):
     trials = np.random.default_rng(seed).random((300, N_PARAMETERS))
-    weakness = Weakness(N_PARAMETERS)
+    weakness = Weakness([math.inf] * N_PARAMETERS)
     weakness.add(trials, margins_of(1.5 + slope * trials[:, 0] + curvature * trials[:, 1] ** 2))
     assert weakness.aims(5, rng=np.random.default_rng(seed)) == []
 
@@ -75,16 +75,25 @@ def test_a_dip_that_leads_nowhere_is_left_alone_at_last():
     assert tried >= PATIENCE * LEAST_Z
 
 
-def test_aims_are_of_different_dips_and_within_the_space():
-    aims = leaks_with_a_dip((1, 3), (0.05, 0.95), 2).aims(5, rng=np.random.default_rng(0))
-    assert aims
-    for i, aim in enumerate(aims):
-        assert all(0.0 <= share < 1.0 and math.isfinite(share) for share in aim.shares)
-        assert not any(aim == other for other in aims[:i])
+def test_aims_lie_within_the_space():
+    weakness = leaks_with_a_dip((1, 3), (0.02, 0.98), 2)
+    aims = [aim for seed in range(20) for aim in weakness.aims(1, rng=np.random.default_rng(seed))]
+    assert len(aims) == 20
+    assert all(0.0 <= share < 1.0 for aim in aims for share in aim.shares)
+
+
+def test_a_parameter_with_one_value_has_no_dips():
+    rng = np.random.default_rng(3)
+    trials = rng.random((400, 2))
+    margins = margins_of(1.5 + 0.1 * rng.standard_normal(400) - 2.0 * (np.abs(trials[:, 0] - 0.5) < 0.05))
+    for n_values, seen in (([math.inf, math.inf], True), ([1.0, math.inf], False)):
+        weakness = Weakness(n_values)
+        weakness.add(trials, margins)
+        assert any(0 in aim.parameters for aim in weakness.aims(5, rng=rng)) is seen
 
 
 def test_scores_that_are_not_told_make_no_dips():
     trials = np.random.default_rng(0).random((200, N_PARAMETERS))
-    weakness = Weakness(N_PARAMETERS)
+    weakness = Weakness([math.inf] * N_PARAMETERS)
     weakness.add(trials, np.ones(200))  # found, and by how much is unknown
     assert weakness.aims(5, rng=np.random.default_rng(0)) == []
