@@ -23,8 +23,8 @@ ROUND = 12
 DOWNHILL, SPREADING = 3, 2
 """Of a round, at most: as many as of the last ones showed something new, at least one."""
 
-CHASING = 5
-"""Of a round, at most: as many as there are dips. The rest fills gaps."""
+CHASING = 8
+"""Of a round, at most. The rest fills gaps."""
 
 SCENE_LIMIT_S = 120.0
 Evaluate = Callable[[Sequence[SceneWork]], list[MethodOutcome]]

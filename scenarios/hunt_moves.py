@@ -98,8 +98,8 @@ class Known:
         self.weakness.add(trials[rows], np.array([margin for _, margin in strengths]))
         if tried.move in self.aims:
             aimed = tried.run.leaks[:1] if self.space.max_leaks else tried.run.leaks
-            missed = any(leak.observable and leak.code != FOUND for leak in aimed)
-            self.weakness.learn(self.aims[tried.move], has_failed=missed)
+            if any(leak.observable and leak.code != FOUND for leak in aimed):
+                self.weakness.add_failure(self.aims[tried.move])
 
     def _shows_something_new(self, tried: Tried) -> bool:
         """Whether a scene opens a cell of the atlas, or is right by less than any before: add it to both."""
@@ -141,7 +141,7 @@ def downhill(known: Known, n_moves: int, *, rng: np.random.Generator) -> list[Mo
 
 
 def chasing(known: Known, seeds: list[int], *, rng: np.random.Generator) -> list[Move]:
-    """Return new scenes, up to one a seed, whose first leak lies in a dip; all else of them fills gaps."""
+    """Return new scenes, up to one a seed, whose first leak lies where a dip may be; all else of them fills gaps."""
     n_axes, moves = len(known.space.axes), []
     for aim, seed in zip(known.weakness.aims(len(seeds), rng=rng), seeds, strict=False):
         candidates = rng.random((N_CANDIDATES, n_shares(known.space)))

@@ -1,38 +1,44 @@
 """Where an estimator is weaker than elsewhere: dips of its margins in one parameter or two, before they are failures.
 
 A failure at the end of a slope announces itself: leaks near it are found, but by less than leaks like them. How much is
-to be expected of a leak is learnt from the leaks so far, by regression. Whether those in a disc fall short by more than
-chance is asked of every parameter and pair at once, by a scan statistic (Kulldorff, Communications in Statistics:
-Theory and Methods 26, 1997). Within a dip the next place is where the lower confidence bound of a Gaussian process is
-lowest (Srinivas et al., Proceedings of ICML, 2010): where it is deep, or nobody has looked.
+to be expected of a leak is learnt from the leaks so far, by regression. What is left of it is explained by a dip: a
+cone, DEPTH deep, in one parameter or in the plane of two, anywhere. The likelihoods of all dips follow from one
+convolution of the shortfalls and one of the leaks; the next places are drawn from the posterior of their middles
+(Thompson, Biometrika 25, 1933). So they lie where leaks fall short, then where few leaks were, and never where leaks
+were found as they should be.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
 FEWEST = 40
 """Leaks; fewer tell nothing."""
 
-DISC = 0.06
-"""Standard deviation of the kernel that is a dip's extent, in shares; a slope across 0.1 to 0.2 shows well."""
+GRID = 40
+"""Middles of dips along a parameter."""
 
-N_CENTRES = 60
-"""The leaks that fall short by most are where dips are looked for."""
+RADII = (0.1, 0.15, 0.25)
+"""Of dips, in shares."""
 
-LEAST_Z = 3.0
-PATIENCE = 5
-"""Aims at a dip that meet no failure before it is left alone, for each standard deviation that it is deep. One that
-meets a failure ends it: the atlas has it."""
+DEPTH = 1.0
+"""Of dips in their middle. This and those below are of logarithms of score over threshold."""
 
-N_PLACES = 40
 RIDGE = 1.0
 LEAST_STRENGTH, MOST_STRENGTH = -1.0, 4.0
-MOST_EXCESS = 2.0
 LEAST_SPREAD = 0.2
-DEPTH = 1.0
-"""Standard deviation of dips, before any is seen. This and those above are of logarithms of score over threshold."""
+MOST_SPREADS = 3.0
+"""By which a leak falls short at most: scores have tails, and one unlucky leak is no dip."""
+
+SHARPNESS = 1.5
+"""Power of the posterior: more of the places lie in the likeliest dip than a gambler would have it."""
+
+ENOUGH = 6
+"""Failures that aims have met near one place; then it is accounted for, with what lies around it: the atlas has it."""
+
+NEAR = 0.1
 
 
 @dataclass(frozen=True)
@@ -43,9 +49,12 @@ class Aim:
     shares: tuple[float, ...]
 
     def is_near(self, other: "Aim") -> bool:
-        """Whether both are of the same dip."""
-        away = np.subtract(self.shares, other.shares) if self.parameters == other.parameters else np.inf
-        return bool(np.linalg.norm(away) < 2.0 * DISC)
+        """Whether both may be of the same dip."""
+        return self.parameters == other.parameters and bool(self.distance(np.array(other.shares)) < NEAR)
+
+    def distance(self, shares: np.ndarray) -> np.ndarray:
+        """Return how far (..., parameters of the aim) shares are away, (...)."""
+        return np.asarray(np.linalg.norm(shares - np.array(self.shares), axis=-1))
 
 
 class Weakness:
@@ -53,10 +62,14 @@ class Weakness:
 
     def __init__(self, n_values: Sequence[float]) -> None:
         """Begin without leaks. `n_values`: how many values each parameter can take; those with one have no dips."""
-        self._varies = np.array(n_values) > 1
+        varying = np.flatnonzero(np.array(n_values) > 1)
+        first, second = np.triu_indices(len(varying))
+        self._first, self._second = varying[first], varying[second]
+        self._is_line = first == second  # of a parameter alone: a plane of which one row counts
         self._trials = np.zeros((0, len(n_values)))
         self._strengths = np.zeros(0)
-        self._tried: list[tuple[Aim, bool]] = []
+        self._failed: list[Aim] = []
+        self._exhausted: list[Aim] = []
 
     def add(self, trials: np.ndarray, margins: np.ndarray) -> None:
         """Add what observable leaks tried, (n, parameters) of shares, and by what margins they were found, (n,)."""
@@ -64,72 +77,81 @@ class Weakness:
         self._trials = np.concatenate([self._trials, trials])
         self._strengths = np.concatenate([self._strengths, np.clip(log_ratios, LEAST_STRENGTH, MOST_STRENGTH)])
 
-    def learn(self, aim: Aim, *, has_failed: bool) -> None:
-        """Take in whether an aim has shown a failure."""
-        self._tried.append((aim, has_failed))
+    def add_failure(self, aim: Aim) -> None:
+        """Take in that the leak of an aim was missed."""
+        self._failed.append(aim)
+        if sum(map(aim.is_near, self._failed)) >= ENOUGH:
+            self._exhausted.append(aim)
 
     def aims(self, n: int, *, rng: np.random.Generator) -> list[Aim]:
-        """Return up to n places to try, each in a dip of its own, the surest dips first."""
-        if len(self._trials) < FEWEST:
+        """Return n places to try, drawn by how likely they are the middle of a dip; none as long as little is known."""
+        if len(self._trials) < FEWEST or not len(self._first):
             return []
-        excesses = self._excesses()
-        spread = max(1.4826 * float(np.median(np.abs(excesses))), LEAST_SPREAD)
-        centres: list[Aim] = []
-        for centre, depth in self._dips(excesses, spread):
-            if len(centres) == n:
-                break
-            if not self._is_over(centre, depth) and not any(map(centre.is_near, centres)):
-                centres.append(centre)
-        return [self._lowest_bound(centre, excesses, spread, rng=rng) for centre in centres]
+        posterior = self._posterior()
+        drawn = rng.choice(posterior.size, size=n, p=posterior.ravel() / posterior.sum())
+        planes, *cells = np.unravel_index(drawn, posterior.shape)
+        shares = (np.stack(cells, axis=1) + rng.random((n, 2))) / GRID
+        return [self._aim(plane, place) for plane, place in zip(planes, shares.tolist(), strict=True)]
 
-    def _excesses(self) -> np.ndarray:
-        """Return by how much each leak was found more strongly (> 0) or less strongly than leaks like it, (n,)."""
+    def _aim(self, plane: int, shares: list[float]) -> Aim:
+        parameters = (int(self._first[plane]), int(self._second[plane]))
+        n = 1 if self._is_line[plane] else 2
+        return Aim(parameters[:n], tuple(shares[:n]))
+
+    def _posterior(self) -> np.ndarray:
+        """Return how likely each cell is the middle of a dip, up to a factor, (planes, GRID, GRID).
+
+        Every plane is as likely beforehand as every other, and as every parameter alone.
+        """
+        excesses, spread = self._excesses()
+        log_ratios = self._log_ratios(excesses, spread)
+        posterior = np.exp(SHARPNESS * (log_ratios - log_ratios.max())).sum(axis=0)
+        posterior[self._is_line] *= GRID
+        return np.asarray(posterior)
+
+    def _excesses(self) -> tuple[np.ndarray, float]:
+        """Return by how much each leak was found more strongly (> 0) than leaks like it, (n,), and the spread."""
         centred = 2.0 * self._trials - 1.0
         features = np.hstack([np.ones((len(centred), 1)), centred, centred**2])
         ridge = np.diag([1e-6] + [RIDGE] * (features.shape[1] - 1))
         weights = np.linalg.solve(features.T @ features + ridge, features.T @ self._strengths)
         excess = self._strengths - features @ weights
-        return np.clip(excess - np.median(excess), -MOST_EXCESS, MOST_EXCESS)
+        excess -= np.median(excess)
+        spread = max(1.4826 * float(np.median(np.abs(excess))), LEAST_SPREAD)
+        for aim in self._exhausted:
+            excess[aim.distance(self._trials[:, list(aim.parameters)]) < 2.0 * NEAR] = 0.0
+        return np.clip(excess, -MOST_SPREADS * spread, MOST_SPREADS * spread), spread
 
-    def _dips(self, excesses: np.ndarray, spread: float) -> list[tuple[Aim, float]]:
-        """Return centres of discs whose leaks fall short by LEAST_Z standard deviations or more, and by how many.
+    def _log_ratios(self, excesses: np.ndarray, spread: float) -> np.ndarray:
+        """Return the log likelihood ratio of a dip to none for every middle, (radii, planes, GRID, GRID).
 
-        The surest come first.
+        For normal shortfalls it is sum(e m - m^2 / 2) / spread^2 over leaks, m what the dip takes from each.
         """
-        lowest = np.argsort(excesses, kind="stable")[:N_CENTRES]
-        at = self._trials[lowest]
-        kernel = _kernel(at[:, :, None] - self._trials.T)  # (centres, parameters, leaks)
-        sums = (kernel * excesses) @ kernel.transpose(0, 2, 1)  # of a parameter with itself: a narrower disc
-        z = sums / (spread * np.sqrt(kernel**2 @ (kernel**2).transpose(0, 2, 1)))
-        is_dip = (z < -LEAST_Z) & np.triu(np.outer(self._varies, self._varies))
-        found = sorted(zip(z[is_dip], *np.nonzero(is_dip), strict=True))
-        dips = []
-        for fall, centre, one, other in found:
-            parameters = [int(one)] if one == other else [int(one), int(other)]
-            dips.append((Aim(tuple(parameters), tuple(at[centre, parameters].tolist())), -float(fall)))
-        return dips
+        from scipy.signal import fftconvolve  # half a second of imports that most commands do not need
 
-    def _is_over(self, centre: Aim, depth: float) -> bool:
-        failed = [has_failed for aim, has_failed in self._tried if aim.is_near(centre)]
-        return any(failed) or len(failed) >= PATIENCE * depth
+        cells = self._cells()
+        shape = (len(self._first), GRID, GRID)
+        n = np.bincount(cells.ravel(), minlength=np.prod(shape)).reshape(shape)
+        e = np.bincount(cells.ravel(), np.tile(excesses, shape[0]), np.prod(shape)).reshape(shape)
+        log_ratios = np.stack(
+            [
+                fftconvolve(e, taken, "same", axes=(1, 2)) - fftconvolve(n, taken**2 / 2.0, "same", axes=(1, 2))
+                for taken in (_cone(radius)[None] for radius in RADII)
+            ]
+        )
+        off_line = self._is_line[:, None] & (np.arange(GRID) != GRID // 2)
+        return np.where(off_line[:, None], -np.inf, log_ratios / spread**2)
 
-    def _lowest_bound(self, centre: Aim, excesses: np.ndarray, spread: float, *, rng: np.random.Generator) -> Aim:
-        """Return the most promising of some random places near the centre of a dip."""
-        trials = self._trials[:, list(centre.parameters)]
-        near = np.linalg.norm(trials - centre.shares, axis=1) < 3.0 * DISC
-        known, excess = trials[near], excesses[near]
-        places = np.array(centre.shares) + DISC * rng.standard_normal((N_PLACES, len(centre.shares)))
-        places = np.clip(places, 0.0, 1.0 - 1e-9)
-        across = DEPTH**2 * _kernel_between(places, known)
-        solved = np.linalg.solve(DEPTH**2 * _kernel_between(known, known) + spread**2 * np.eye(len(known)), across.T)
-        variance = DEPTH**2 - (across * solved.T).sum(axis=1)
-        best = places[np.argmin(solved.T @ excess - np.sqrt(np.maximum(variance, 0.0)))]
-        return Aim(centre.parameters, tuple(best.tolist()))
+    def _cells(self) -> np.ndarray:
+        """Return the cell of every leak in every plane, (planes, leaks), counted through all planes."""
+        cells = np.minimum((self._trials.T * GRID).astype(int), GRID - 1)
+        second = np.where(self._is_line[:, None], GRID // 2, cells[self._second])
+        return np.asarray((np.arange(len(self._first))[:, None] * GRID + cells[self._first]) * GRID + second)
 
 
-def _kernel(away: np.ndarray) -> np.ndarray:
-    return np.asarray(np.exp(-0.5 * (away / DISC) ** 2))
-
-
-def _kernel_between(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    return _kernel(np.linalg.norm(one[:, None] - other, axis=2))
+@cache
+def _cone(radius: float) -> np.ndarray:
+    """Return what a dip takes from leaks around its middle, on a grid that reaches as far as it does."""
+    reach = round(radius * GRID)
+    away = np.arange(-reach, reach + 1) / GRID
+    return -DEPTH * np.maximum(1.0 - np.hypot(away[:, None], away) / radius, 0.0)
