@@ -33,9 +33,9 @@ MOST_SPREADS = 3.0
 """By which a leak falls short at most: scores have tails, and one unlucky leak is no dip."""
 
 SHARPNESS = 1.5
-"""Power of the posterior: more of the places lie in the likeliest dip than a gambler would have it."""
+"""Power of the posterior; above 1, more of the places lie in the likeliest dips."""
 
-ENOUGH = 6
+ENOUGH = 20
 """Failures that aims have met near one place; then it is accounted for, with what lies around it: the atlas has it."""
 
 NEAR = 0.1
