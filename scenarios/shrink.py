@@ -25,6 +25,9 @@ from scenarios.scene_work import MethodOutcome, SceneWork, outcome_of
 PLACES_M = (1.0, 0.5, 0.25, 0.1, 0.05, 0.02)
 """Grids that a leak is put on, the coarsest first."""
 
+ELSEWHERE_M = (0.05, 0.1)
+"""How far leaks may move, along x or y, when all else is made plain: by then few fields are left."""
+
 APART_M = 0.4
 """Leaks are not moved nearer to each other than this: they would merge, which is another failure."""
 
@@ -85,8 +88,8 @@ def shrink(scenario: Scenario, code: str | None, codes: Codes, leak: int | None 
     start = scenario.model_copy(update={"name": "", "description": ""})
     best = start
     yield Shrunk(best, wanted_code, 1)
-    for steps in (TABLES_FIRST, PLACES_FIRST):
-        for now in _ever_plainer(start, fails, leak, steps):
+    for steps in (TABLES_FIRST, PLACES_FIRST, MOVED_LAST):
+        for now in _ever_plainer(best if steps is MOVED_LAST else start, fails, leak, steps):
             if complexity(now) < complexity(best):
                 best = now
                 yield Shrunk(best, wanted_code, len(known) + 1)
@@ -218,6 +221,17 @@ def _plain_fields(scenario: Scenario) -> Iterator[Scenario]:
                     yield scenario.model_copy(update={name: table.model_copy(update={field: value})})
 
 
+def _plain_fields_elsewhere(scenario: Scenario) -> Iterator[Scenario]:
+    """A field plain and the leaks a little elsewhere: a place that fails may move when what it is seen by does."""
+    for plainer in _plain_fields(scenario):
+        for step_m, (x, y) in itertools.product(ELSEWHERE_M, ((1, 0), (-1, 0), (0, 1), (0, -1))):
+            leaks = [
+                leak.model_copy(update={"x_m": round(leak.x_m + x * step_m, 9), "y_m": round(leak.y_m + y * step_m, 9)})
+                for leak in scenario.leak
+            ]
+            yield _with_leaks(plainer, leaks)
+
+
 def _round_places(scenario: Scenario) -> Iterator[Scenario]:
     """Leaks on ever finer grids, all of them, then one alone; the middle line first."""
     for grid_m in PLACES_M:
@@ -288,3 +302,4 @@ OTHERS: tuple[Step, ...] = (_plain_tables, _plain_leaks, _plain_fields)
 SIZES_LAST: tuple[Step, ...] = (_round_numbers, _smaller)
 TABLES_FIRST = (*LEAKS_FIRST, *OTHERS, _round_places, *SIZES_LAST)
 PLACES_FIRST = (*LEAKS_FIRST, _round_places, *OTHERS, *SIZES_LAST)
+MOVED_LAST = (*TABLES_FIRST, _plain_fields_elsewhere)

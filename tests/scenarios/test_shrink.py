@@ -101,6 +101,21 @@ def test_a_failure_at_a_place_is_found_again_when_all_else_was_changed_first():
     assert len(conditions(shrunk.scenario)) <= 3
 
 
+def blind_at_a_place_that_moves_with_the_rig(scenario):
+    """Within 3 cm of a place that lies elsewhere for each field of the rig that is not plain."""
+    plain = read_scenario("plain").rig
+    moved_m = sum(0.06 for name in ("hfov_deg", "roll_deg") if getattr(scenario.rig, name) == getattr(plain, name))
+    is_there = any(math.hypot(leak.x_m - 0.88 - moved_m, leak.y_m + 1.0) < 0.03 for leak in scenario.leak)
+    return {MISSED} if is_there and scenario.rig.baseline_m > 0.6 else set()
+
+
+def test_a_place_that_fails_may_move_when_all_else_is_made_plain():
+    leak = read_scenario("plain").leak[0].model_copy(update={"x_m": 0.8772, "y_m": -1.0131})
+    busy = at(read_scenario("plain"), rig={"hfov_deg": 71.0, "baseline_m": 0.62, "roll_deg": 1.0})
+    shrunk = last(busy.model_copy(update={"leak": (leak,)}), blind_at_a_place_that_moves_with_the_rig, MISSED)
+    assert len(conditions(shrunk.scenario)) <= 3
+
+
 def test_every_step_is_plainer_than_the_last_and_none_goes_in_circles():
     rng = np.random.default_rng(0)
     steps = [
