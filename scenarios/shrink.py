@@ -25,7 +25,7 @@ from scenarios.scene_work import MethodOutcome, SceneWork, outcome_of
 PLACES_M = (1.0, 0.5, 0.25, 0.1, 0.05, 0.02)
 """Grids that a leak is put on, the coarsest first."""
 
-ELSEWHERE_M = (0.05, 0.1)
+ELSEWHERE_M = (0.05, -0.05, 0.1, -0.1)
 """How far leaks may move, along x or y, when all else is made plain: by then few fields are left."""
 
 APART_M = 0.4
@@ -73,7 +73,6 @@ def shrink(scenario: Scenario, code: str | None, codes: Codes, leak: int | None 
         raise NothingFailsError(f"{scenario.name or 'scenario'}: must have {wanted}, has {', '.join(there) or 'none'}")
     wanted_code = code or there[0]
     known: dict[str, bool] = {}
-
     apart_m = min(APART_M, least_distance_m(scenario))  # of leaks that are drawn as well
 
     def fails(candidate: Scenario) -> bool:
@@ -85,8 +84,7 @@ def shrink(scenario: Scenario, code: str | None, codes: Codes, leak: int | None 
             known[key] = possible and wanted_code in codes(candidate)
         return known[key]
 
-    start = scenario.model_copy(update={"name": "", "description": ""})
-    best = start
+    best = start = scenario.model_copy(update={"name": "", "description": ""})
     yield Shrunk(best, wanted_code, 1)
     for steps in (TABLES_FIRST, PLACES_FIRST, MOVED_LAST):
         for now in _ever_plainer(best if steps is MOVED_LAST else start, fails, leak, steps):
@@ -224,12 +222,9 @@ def _plain_fields(scenario: Scenario) -> Iterator[Scenario]:
 def _plain_fields_elsewhere(scenario: Scenario) -> Iterator[Scenario]:
     """A field plain and the leaks a little elsewhere: a place that fails may move when what it is seen by does."""
     for plainer in _plain_fields(scenario):
-        for step_m, (x, y) in itertools.product(ELSEWHERE_M, ((1, 0), (-1, 0), (0, 1), (0, -1))):
-            leaks = [
-                leak.model_copy(update={"x_m": round(leak.x_m + x * step_m, 9), "y_m": round(leak.y_m + y * step_m, 9)})
-                for leak in scenario.leak
-            ]
-            yield _with_leaks(plainer, leaks)
+        for step_m, name in itertools.product(ELSEWHERE_M, ("x_m", "y_m")):
+            steps = ((leak, {name: round(getattr(leak, name) + step_m, 9)}) for leak in scenario.leak)
+            yield _with_leaks(plainer, [leak.model_copy(update=moved) for leak, moved in steps])
 
 
 def _round_places(scenario: Scenario) -> Iterator[Scenario]:
@@ -275,9 +270,8 @@ def _round_numbers(scenario: Scenario) -> Iterator[Scenario]:
             leaks = [
                 leak.model_copy(update={field: float(f"{getattr(leak, field):.{digits}g}")}) for leak in scenario.leak
             ]
-            if sum(len(str(getattr(leak, field))) for leak in leaks) < sum(
-                len(str(getattr(leak, field))) for leak in scenario.leak
-            ):
+            digits_of = [sum(len(str(getattr(leak, field))) for leak in some) for some in (leaks, scenario.leak)]
+            if digits_of[0] < digits_of[1]:
                 yield _with_leaks(scenario, leaks)
 
 
