@@ -31,11 +31,11 @@ def weakness_of(trials, log_ratios):
     return weakness
 
 
-def leaks_with_a_dip(pair, centre, seed, n=400):
-    """Leaks anywhere, and less strongly found within 0.15 of a place in the plane of two parameters."""
+def leaks_with_a_dip(parameters, centre, seed, n=400):
+    """Leaks anywhere, and less strongly found within 0.15 of a place in one parameter or the plane of two."""
     rng = np.random.default_rng(seed)
     trials = rng.random((n, N_PARAMETERS))
-    away = np.linalg.norm(trials[:, list(pair)] - centre, axis=1)
+    away = Aim(parameters, centre).distance(trials[:, list(parameters)])
     dip = 2.0 * np.clip(1.0 - away / RADIUS, 0.0, 1.0)
     return weakness_of(trials, 1.5 + SPREAD * rng.standard_normal(n) - dip)
 
@@ -117,10 +117,8 @@ def test_few_leaks_tell_nothing():
 @settings(max_examples=10)
 @given(st.one_of(pairs, st.integers(0, N_PARAMETERS - 1).map(lambda one: (one,))), seeds)
 def test_a_dip_that_has_shown_enough_failures_is_left_alone(parameters, seed):
-    rng = np.random.default_rng(seed)
-    trials, here = rng.random((400, N_PARAMETERS)), Aim(parameters, (0.5,) * len(parameters))
-    dip = 2.0 * np.clip(1.0 - here.distance(trials[:, list(parameters)]) / RADIUS, 0.0, 1.0)
-    weakness = weakness_of(trials, 1.5 + SPREAD * rng.standard_normal(400) - dip)
+    here, rng = Aim(parameters, (0.5,) * len(parameters)), np.random.default_rng(seed)
+    weakness = leaks_with_a_dip(parameters, here.shares, seed)
     for n_failures in range(ENOUGH + 1):
         aims = weakness.aims(N_AIMS, rng=rng)
         near = np.mean([aim.is_near(here) for aim in aims])
