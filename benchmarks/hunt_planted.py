@@ -1,8 +1,8 @@
 """How soon a hunt meets ten planted failures, beside plain random sampling of the same space.
 
 Part 1, over seeds, with stand-ins that do not render: failures at the end of a slope, and the same as cliffs. Part 2
-(--each): the robust method made blind, rendered, on 2 workers: ten hunts, each until it meets its failure, which is
-shrunk and replayed from its file; then a random sample of as many seconds as each of them may take, which tells of all
+(--each, of cliffs with --cliffs): the robust method made blind, rendered, on 2 workers: ten hunts, each until it meets
+its failure, which is shrunk and replayed from its file; then a random sample of as many seconds as each of them may take, which tells of all
 ten at once: one is met when an observable leak stands in its range.
 """
 
@@ -98,14 +98,14 @@ def _scenes(count):
     return "-" if count >= NEVER else f"{count:.0f}"
 
 
-def each(budget_s, n_workers, seed):
+def each(name, failures, budget_s, n_workers, seed):
     """Hunt each failure until it is met; returns how many were met, shrunk to three fields at most, and replayed."""
-    print(f"rendered, the robust method made blind, {n_workers} workers, at most {budget_s:g} s each, seed {seed}")
+    print(f"rendered, the robust method made blind ({name}), {n_workers} workers, {budget_s:g} s each, seed {seed}")
     print(f"{'planted':<{WORDS}} {'scenes':>7} {'s':>5} {'fields':>6} {'replays':>7}  shrunk to")
     shown = []
     with lanes_of(local_workers(n_workers)) as lanes:
-        for number, planted in enumerate(PLANTED):
-            spec = EstimatorSpec("callable", f"planted_failures:planted_{number}")
+        for number, planted in enumerate(failures):
+            spec = EstimatorSpec("callable", f"planted_failures:{name}_{number}")
             found, n_scenes, took_s = _hunted(Quarry(space(), spec, seed), planted, lanes, budget_s)
             if found is None:
                 print(f"{planted.words:<{WORDS}} {f'> {n_scenes}':>7} {took_s:5.0f}", flush=True)
@@ -167,13 +167,15 @@ def main():
     options.add_argument("--seeds", type=int, default=6, help="of part 1")
     options.add_argument("--scenes", type=int, default=750, help="of part 1, at most, of hunts")
     options.add_argument("--each", action="store_true", help="part 2")
+    options.add_argument("--cliffs", action="store_true", help="in part 2 nothing beside the ranges")
     options.add_argument("--budget-s", type=float, default=300.0, help="of part 2")
     options.add_argument("--workers", type=int, default=2)
     options.add_argument("--seed", type=int, default=0, help="of part 2")
     given = options.parse_args()
     cv2.setNumThreads(1)
     if given.each:
-        each(given.budget_s, given.workers, given.seed)
+        name, failures = ("cliff", CLIFFS) if given.cliffs else ("planted", PLANTED)
+        each(name, failures, given.budget_s, given.workers, given.seed)
         at_random(given.budget_s, given.workers, given.seed)
         return
     at_random_too = round(RANDOM_PER_HUNTED * given.scenes)

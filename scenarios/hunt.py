@@ -11,9 +11,10 @@ from dataclasses import dataclass
 from scenarios.atlas import Move, Tried
 from scenarios.draws import Stream, rng_for, seed_of_clip
 from scenarios.estimators import EstimatorSpec
+from scenarios.filling import Filling
 from scenarios.hunt_moves import Known, chasing, downhill, filling, spreading
 from scenarios.lanes import Lanes
-from scenarios.scenario import Scenario
+from scenarios.scene_time import scene_s
 from scenarios.scene_work import MethodOutcome, SceneWork, limit_s
 from scenarios.space import Space
 from scenarios.space_point import n_shares, scenario_of
@@ -23,7 +24,7 @@ ROUND = 12
 DOWNHILL, SPREADING = 3, 2
 """Of a round, at most: as many as of the last ones showed something new, at least one."""
 
-CHASING = 8
+CHASING = 6
 """Of a round, at most. The rest fills gaps."""
 
 SCENE_LIMIT_S = 120.0
@@ -48,7 +49,7 @@ def hunt(quarry: Quarry, evaluate: Evaluate, n_scenes: int | None = None) -> Ite
     code was not seen, and the rest fill the gaps that are left. What brings nothing new makes room for filling: margins
     lead nowhere when failures are not at the end of a slope.
     """
-    known, number = Known(quarry.space, rng=rng_for(quarry.seed, Stream.HUNT, 1)), 0
+    known, number = Known(quarry.space), 0
     while n_scenes is None or number < n_scenes:
         moves = _start(quarry) if not number else _next(quarry, known, number)
         moves = moves if n_scenes is None else moves[: n_scenes - number]
@@ -73,16 +74,11 @@ def on_lanes(lanes: Lanes) -> Evaluate:
     """Return the evaluation of scenes on workers."""
 
     def evaluate(works: Sequence[SceneWork]) -> list[MethodOutcome]:
-        longest_first = sorted(works, key=lambda work: -_length(work.scenario))  # no lane is idle for long at the end
+        longest_first = sorted(works, key=lambda work: -scene_s(work.scenario))  # no lane is idle for long at the end
         done = {outcome.number: outcome.runs[0] for outcome in lanes.done([[work] for work in longest_first])}
         return [done[work.number] for work in works]
 
     return evaluate
-
-
-def _length(scenario: Scenario) -> int:
-    """What a scene's time grows with: pixels, and drops in them."""
-    return scenario.rig.width_px * scenario.rig.height_px * scenario.recording.n_frames * (1 + len(scenario.leak))
 
 
 def _start(quarry: Quarry) -> list[Move]:
@@ -98,9 +94,12 @@ def _start(quarry: Quarry) -> list[Move]:
 
 def _next(quarry: Quarry, known: Known, number: int) -> list[Move]:
     rng = rng_for(quarry.seed, Stream.HUNT, number)
-    moves = downhill(known, known.paying("downhill", DOWNHILL), rng=rng)
-    moves += spreading(known, known.paying("spreading", SPREADING), rng=rng)
+    moves = downhill(known, known.paying("downhill", DOWNHILL, rng=rng), rng=rng)
+    moves += spreading(known, known.paying("spreading", SPREADING, rng=rng), rng=rng)
+    gaps = Filling(quarry.space, known.seen, known.visibility)
+    for move in moves:
+        gaps.plan(move.shares)
     seeds = [seed_of_clip(quarry.seed, number + i) for i in range(len(moves), ROUND)]
-    moves += chasing(known, seeds[:CHASING], rng=rng)
+    moves += chasing(known, gaps, seeds[:CHASING], rng=rng)
     seeds = [seed_of_clip(quarry.seed, number + i) for i in range(len(moves), ROUND)]
-    return moves + filling(known, seeds, rng=rng)
+    return moves + filling(gaps, seeds, rng=rng)

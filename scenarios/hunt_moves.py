@@ -1,12 +1,10 @@
 """What a hunt tries next: downhill on margins, into dips, known failures in new cells, and gaps nothing has filled."""
 
-from dataclasses import dataclass
-from itertools import count
-
 import numpy as np
 
 from scenarios.atlas import Atlas, Move, Tried, cells_of
 from scenarios.failures import FOUND
+from scenarios.filling import Filling
 from scenarios.hunted import Cell
 from scenarios.margins import SHOULD_BE_RIGHT
 from scenarios.projections import Projections
@@ -27,16 +25,8 @@ LAST_STEP = 0.02
 MEMORY = 24
 """Moves of a kind by which the next are measured."""
 
-N_CANDIDATES, N_OTHERS = 30, 12
-N_LIKELY = 5
-"""Of the candidates: those whose aimed leak is most likely to be observable."""
-
-MANY_LEAKS = 0.25
-"""Power of a share of the number of leaks: of three, 80 % of scenes have all, 1 % one."""
-
-LIKELY = 0.6
-HOPE = 0.3
-"""Power of the chance to be observable by which a leak counts."""
+NOW_AND_THEN = 0.25
+"""Of rounds."""
 
 TRIES = 20
 
@@ -44,13 +34,9 @@ TRIES = 20
 class Known:
     """What the rounds so far have shown: scenes, failures by cell, and what observable leaks have tried."""
 
-    def __init__(self, space: Space, *, rng: np.random.Generator) -> None:
-        """Begin with nothing, and with a quasi-random sequence (scrambled Sobol) of what is of scenes."""
-        from scipy.stats import qmc  # half a second of imports that most commands do not need
-
+    def __init__(self, space: Space) -> None:
+        """Begin with nothing."""
         self.space = space
-        self.n_of_scene = len(space.axes) + (1 if space.max_leaks else 0)
-        self._sequence = qmc.Sobol(max(self.n_of_scene, 1), rng=rng)
         self.atlas = Atlas(space)
         self.tried: list[Tried] = []
         self.parents: dict[Move, Tried] = {}
@@ -79,17 +65,15 @@ class Known:
             # downhill from the child from now on; a parent is come back to only when its children lead nowhere
             self.vain_steps[parent.move] = vain + (0 if went_down else 1)
 
-    def next_of_scene(self) -> list[float]:
-        """Return the next shares of all axes and of the number of leaks, more often many than few."""
-        shares = self._sequence.random(1)[0][: self.n_of_scene]
-        if self.space.max_leaks:
-            shares[-1] **= MANY_LEAKS  # they try more in one scene
-        return [float(share) for share in shares]
+    def paying(self, origin: str, most: int, *, rng: np.random.Generator) -> int:
+        """Return how many moves of a kind are worth while: as many as of the last ones showed something new.
 
-    def paying(self, origin: str, most: int) -> int:
-        """Return how many moves of a kind are worth while: as many as of the last ones showed something new, or one."""
+        When none did, one now and then, for what a hunt knows has changed since.
+        """
         recent = self.paid.get(origin, [])[-MEMORY:]
-        return most if len(recent) < MEMORY else min(max(sum(recent), 1), most)
+        if len(recent) < MEMORY:
+            return most
+        return min(sum(recent), most) or int(rng.random() < NOW_AND_THEN)
 
     def _weigh(self, tried: Tried, trials: np.ndarray) -> None:
         """Take in how strongly leaks were found, and whether the leak that was aimed (the first) was not."""
@@ -128,6 +112,8 @@ def downhill(known: Known, n_moves: int, *, rng: np.random.Generator) -> list[Mo
     right = [one for one in known.tried if 0.0 <= one.run.margins.least < CLOSE]
     moves: list[Move] = []
     for parent in sorted(right, key=lambda one: (one.run.margins.least, one.number)):
+        if len(moves) == n_moves:
+            break
         step = FIRST_STEP * 0.5 ** (known.vain_steps.get(parent.move, 0) // STEPS_OF_A_SIZE)
         if step < LAST_STEP:
             continue
@@ -135,24 +121,18 @@ def downhill(known: Known, n_moves: int, *, rng: np.random.Generator) -> list[Mo
         if move is not None:
             known.parents[move] = parent
             moves.append(move)
-        if len(moves) == n_moves:
-            break
     return moves
 
 
-def chasing(known: Known, seeds: list[int], *, rng: np.random.Generator) -> list[Move]:
+def chasing(known: Known, gaps: Filling, seeds: list[int], *, rng: np.random.Generator) -> list[Move]:
     """Return new scenes, up to one a seed, whose first leak lies where a dip may be; all else of them fills gaps."""
-    n_axes, moves = len(known.space.axes), []
+    moves = []
     for aim, seed in zip(known.weakness.aims(len(seeds), rng=rng), seeds, strict=False):
-        candidates = rng.random((N_CANDIDATES, n_shares(known.space)))
-        candidates[:, n_axes : n_axes + 1] **= MANY_LEAKS
-        candidates[:, aim.parameters] = aim.shares
-        chance = [known.visibility.chance(trials_of(known.space, shares))[0] for shares in candidates.tolist()]
-        likely = candidates[np.argsort(chance, kind="stable")[-N_LIKELY:]].tolist()
-        shares = Promise(known.space, known.seen, known.visibility, seed).best(likely)
+        shares = gaps.scene_with(dict(zip(aim.parameters, aim.shares, strict=True)), seed, rng=rng)
         if shares is not None:
             moves.append(Move(tuple(shares), seed, "chasing"))
             known.aims[moves[-1]] = aim
+            gaps.plan(shares)
     return moves
 
 
@@ -177,60 +157,13 @@ def spreading(known: Known, n_moves: int, *, rng: np.random.Generator) -> list[M
     return moves
 
 
-def filling(known: Known, seeds: list[int], *, rng: np.random.Generator) -> list[Move]:
-    """Return a new scene a seed: axes quasi-random, and leaks where they promise to fill most gaps.
-
-    A leak counts by its chance to be observable, little though: by that alone corners with little light are never seen.
-    """
-    space, seen = known.space, known.seen.copy()
+def filling(gaps: Filling, seeds: list[int], *, rng: np.random.Generator) -> list[Move]:
+    """Return a new scene a seed, where most gaps promise to be filled."""
     moves = []
     for seed in seeds:
-        promise = Promise(space, seen, known.visibility, seed)
-        shares = _begun(known, promise, rng=rng)
-        for place in rng.permutation(np.arange(known.n_of_scene, len(shares))):
-            others = rng.random(N_OTHERS).tolist()
-            candidates = [shares, *([*shares[:place], other, *shares[place + 1 :]] for other in others)]
-            shares = promise.best(candidates) or shares
-        moves.append(Move(tuple(shares), seed, "filling"))
-        trials = trials_of(space, shares)
-        seen.fill(trials[known.visibility.chance(trials) > LIKELY])
+        moves.append(Move(tuple(gaps.scene(seed, rng=rng)), seed, "filling"))
+        gaps.plan(moves[-1].shares)
     return moves
-
-
-def _begun(known: Known, promise: "Promise", *, rng: np.random.Generator) -> list[float]:
-    """Return the next quasi-random scene that is one, with the best of some random places for its leaks.
-
-    One in which no leak is likely to be observable is left out, unless many in a row are.
-    """
-    n_places = n_shares(known.space) - known.n_of_scene
-    for tried in count(1):
-        of_scene = known.next_of_scene()
-        shares = promise.best([[*of_scene, *rest] for rest in rng.random((N_CANDIDATES, n_places)).tolist()])
-        if shares is None:
-            continue
-        chance = known.visibility.chance(trials_of(known.space, shares))
-        if chance.max() > LIKELY or tried >= TRIES:
-            return shares
-    raise AssertionError("unreachable: a sequence has no end")
-
-
-@dataclass(frozen=True)
-class Promise:
-    """What scenes of a seed promise to fill of the gaps that are left."""
-
-    space: Space
-    seen: Projections
-    visibility: Visibility
-    seed: int
-
-    def best(self, candidates: list[list[float]]) -> list[float] | None:
-        """Return the one of some points that promises most and is a scene; None when none is."""
-        trials = [trials_of(self.space, shares) for shares in candidates]
-        owner = np.repeat(np.arange(len(trials)), [len(rows) for rows in trials])
-        rows = np.concatenate(trials)
-        promise = np.bincount(owner, weights=self.visibility.chance(rows) ** HOPE * self.seen.gain(rows))
-        in_order = (candidates[i] for i in np.argsort(-promise, kind="stable"))
-        return next((shares for shares in in_order if scenario_of(self.space, shares, self.seed) is not None), None)
 
 
 def _unseen(known: Known, code: str, leak: int | None) -> list[Cell]:

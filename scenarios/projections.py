@@ -1,77 +1,108 @@
 """How evenly trials fill a space, seen from every side: in each parameter and in each pair of parameters.
 
-A failure that depends on one or two parameters is a slab or a column through the space. It is met as soon as no large
-box of any one- or two-dimensional projection is empty, whatever the number of other parameters. So the emptiness of
-elementary boxes is what is watched: of every pair all boxes of 2^-a by 2^-b, a + b = k, of which a (0, m, 2)-net holds
-a point each (Niederreiter, Random Number Generation and Quasi-Monte Carlo Methods, 1992, 4.1). Covering arrays do the
-same for discrete parameters (Cohen et al., IEEE Trans. Software Eng. 23, 1997), one next-best trial at a time.
+A failure that depends on one or two parameters is a slab or a column through the space: a box in one projection. As
+long as nothing is known of it, it may be any box that no trial has hit. What a further trial is worth is the share of
+those boxes that it would be the first to hit, over all places and several shapes, of an area that goes with the number
+of trials. Covering arrays do the same for discrete parameters (Cohen et al., IEEE Trans. Software Eng. 23, 1997), one
+next-best trial at a time.
 """
 
 import math
 from collections.abc import Sequence
+from functools import cache, cached_property
 from itertools import combinations
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-FINER = 2
-"""Boxes of two sizes are watched: about as many as trials, and this many halvings smaller."""
+FINEST, FINEST_ALONE = 128, 1024
+"""Cells of a parameter in a pair and of one alone, at most."""
 
-WEIGHTS = (1.0, 0.5)
-"""Of a gap of either size."""
+SIZE = 0.5
+"""Area of the boxes, in shares of what each trial would have if they were spread evenly."""
 
 
 class Projections:
-    """The trials so far, (n, parameters) of shares in [0, 1), and what a further one would be the first to fill."""
+    """The trials so far, (n, parameters) of shares in [0, 1), and what a further one would be the first to hit."""
 
     def __init__(self, n_values: Sequence[float]) -> None:
-        """Begin without trials. `n_values`: how many values each parameter can take; its boxes are never finer."""
-        self._n_values = np.array(n_values, dtype=float)
-        self._pairs = np.array(list(combinations(range(len(n_values)), 2)) or [(0, 0)]).T
-        self._trials = np.zeros((0, len(n_values)))
-        self._size = 0
-        self._filled = self._none_filled()
+        """Begin without trials. `n_values`: how many values each parameter can take; its cells are never finer.
+
+        Parameters of one value have no projections.
+        """
+        n = np.array(n_values, dtype=float)
+        varying = np.flatnonzero(n > 1.0)
+        pairs = np.array(list(combinations(varying, 2)), dtype=int).reshape(-1, 2).T
+        self.parameters = np.hstack([np.stack([varying, varying]), pairs])
+        """Of every projection, (2, projections); the same twice where it is of one."""
+        alone = np.stack([np.minimum(n[varying], FINEST_ALONE), np.ones(len(varying))])
+        self._cells = np.hstack([alone, np.minimum(n[pairs], FINEST)]).astype(int)  # (2, projections)
+        self._starts = np.concatenate([[0], np.cumsum(self._cells.prod(axis=0))])
+        self._filled = np.zeros(self._starts[-1], np.uint8)
+        self._n_trials = 0
 
     def copy(self) -> "Projections":
         """Return a copy that can be added to."""
-        other = Projections(self._n_values.tolist())
-        other._trials, other._size = self._trials, self._size
-        other._filled = [filled.copy() for filled in self._filled]
+        other = Projections([])
+        other.parameters, other._cells, other._starts = self.parameters, self._cells, self._starts
+        other._filled, other._n_trials = self._filled.copy(), self._n_trials
         return other
 
     def add(self, trials: np.ndarray) -> None:
         """Add trials (n, parameters). Boxes get smaller as trials get more."""
-        self._trials = np.concatenate([self._trials, trials])
-        size = max(int(math.log2(len(self._trials))), 1) if len(self._trials) else 0
-        if size != self._size:
-            self._size = size
-            self._filled = self._none_filled()
-            trials = self._trials
-        self.fill(trials)
+        self._filled[self._places(trials)] = 1
+        self._n_trials += len(trials)
+        self.__dict__.pop("_gains", None)
 
-    def fill(self, trials: np.ndarray) -> None:
-        """Take the boxes of trials (n, parameters) for filled, of the size that they have."""
-        for filled, k in zip(self._filled, self._sizes(), strict=True):
-            filled[self._boxes(trials, k)] = True
+    def gains(self, trials: np.ndarray) -> np.ndarray:
+        """Return what share of boxes each of the trials (n, parameters) would be the first to hit, (n, projections)."""
+        return self._gains[self._places(trials)]
 
-    def gain(self, trials: np.ndarray) -> np.ndarray:
-        """How many boxes each of the trials (n, parameters) would be the first to fill, (n,)."""
-        gain = np.zeros(len(trials))
-        for weight, filled, k in zip(WEIGHTS, self._filled, self._sizes(), strict=True):
-            gain += weight * (~filled[self._boxes(trials, k)]).sum(axis=1)
-        return gain
+    def _places(self, trials: np.ndarray) -> NDArray[np.intp]:
+        """Return where the cell of every trial is in the tables, (n, projections)."""
+        row, column = (
+            np.minimum((trials[:, of] * cells).astype(int), cells - 1)
+            for of, cells in zip(self.parameters, self._cells, strict=True)
+        )
+        return np.asarray(self._starts[:-1] + row * self._cells[1] + column)
 
-    def _sizes(self) -> tuple[int, int]:
-        return self._size, self._size + FINER
+    @cached_property
+    def _gains(self) -> NDArray[np.float32]:
+        """What a trial in each cell would be worth, in the order of the tables."""
+        tables = [
+            _shares_of_boxes(self._filled[start:stop].reshape(cells), _shapes(*cells, self._n_trials))
+            for start, stop, cells in zip(self._starts[:-1], self._starts[1:], self._cells.T.tolist(), strict=True)
+        ]
+        return np.concatenate([np.zeros(0, np.float32), *(table.ravel() for table in tables)])
 
-    def _none_filled(self) -> list[NDArray[np.bool_]]:
-        return [np.zeros(self._pairs.shape[1] * (k + 1) * 2**k, dtype=bool) for k in self._sizes()]
 
-    def _boxes(self, trials: np.ndarray, k: int) -> NDArray[np.intp]:
-        """Of every trial (n, pairs * shapes), pair and shape 2^-a by 2^-(k - a), the place of its box in the table."""
-        n_bins = np.minimum(2.0 ** np.arange(k + 1)[:, None], self._n_values).astype(int)  # (shapes, parameters)
-        bins = np.minimum((trials[:, None] * n_bins).astype(int), n_bins - 1)  # (trials, shapes, parameters)
-        one, other = self._pairs
-        box = bins[:, :, one] * n_bins[::-1, other] + bins[:, ::-1, other]
-        tables = np.arange((k + 1) * len(one)).reshape(k + 1, len(one)) * 2**k
-        return np.asarray((box + tables).reshape(len(trials), tables.size))
+@cache
+def _shapes(n_rows: int, n_columns: int, n_trials: int) -> list[tuple[int, int]]:
+    """Return the rows and columns of boxes in cells, from wide to high, each about twice as high as the last."""
+    area = SIZE / max(n_trials, 1) * n_rows * n_columns
+    lowest, highest = max(area / n_columns, 1.0), max(min(float(n_rows), area), 1.0)
+    rows = np.geomspace(lowest, highest, 1 + round(math.log2(highest / lowest)))
+    return sorted({(round(row), max(round(area / row), 1)) for row in rows})
+
+
+def _shares_of_boxes(filled: NDArray[np.uint8], shapes: list[tuple[int, int]]) -> NDArray[np.float32]:
+    """Return the share of boxes that hold a cell and no filled one, for each cell, mean over shapes."""
+    shares = np.zeros(filled.shape, np.float32)
+    for rows, columns in shapes:
+        # boxes by their first cell; those that stick out are none
+        empty = (_sums(filled, rows, columns, (0, 0)) == 0.0).astype(np.float32)
+        empty[filled.shape[0] - rows + 1 :] = 0.0
+        empty[:, filled.shape[1] - columns + 1 :] = 0.0
+        n = (filled.shape[0] - rows + 1) * (filled.shape[1] - columns + 1) * len(shapes)
+        shares += _sums(empty, rows, columns, (columns - 1, rows - 1)) / np.float32(n)
+    return shares
+
+
+def _sums(cells: np.ndarray, rows: int, columns: int, anchor: tuple[int, int]) -> NDArray[np.float32]:
+    """Return the sum of each box of a shape, which stands in its place of the anchor (column, row); 0 outside."""
+    return np.asarray(
+        cv2.boxFilter(
+            cells, cv2.CV_32F, (columns, rows), anchor=anchor, normalize=False, borderType=cv2.BORDER_CONSTANT
+        )
+    )

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scenarios.rules import violations
 from scenarios.scenario import LeakTable, Scenario
@@ -32,9 +33,9 @@ def n_shares(space: Space) -> int:
     return len(space.axes) + (1 + 2 * space.max_leaks if space.max_leaks else 0)
 
 
-def n_leaks(space: Space, shares: Sequence[float]) -> int:
-    """Leaks that a point asks for."""
-    return 1 + min(int(shares[len(space.axes)] * space.max_leaks), space.max_leaks - 1)
+def n_leaks(space: Space, points: np.ndarray) -> NDArray[np.int_]:
+    """Leaks that each of some points (..., shares) asks for, (...)."""
+    return np.asarray(1 + np.minimum((points[..., len(space.axes)] * space.max_leaks).astype(int), space.max_leaks - 1))
 
 
 def places(space: Space, shares: Sequence[float]) -> list[Place]:
@@ -42,7 +43,7 @@ def places(space: Space, shares: Sequence[float]) -> list[Place]:
     if space.max_leaks == 0:
         return []
     kept: list[Place] = []
-    for leak in range(n_leaks(space, shares)):
+    for leak in range(int(n_leaks(space, np.asarray(shares)))):
         along, around = _place_shares(space, shares, leak)
         range_m, azimuth = reach_m(space) * math.sqrt(along), math.pi * (around - 0.5)
         place = Place(leak, round(range_m * math.cos(azimuth), 2), round(range_m * math.sin(azimuth), 2))

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from planted_failures import NOWHERE, PLANTED, Planted, Range, is_met, space, stand_in
 
@@ -17,12 +17,12 @@ from scenarios.atlas import THIRDS, Atlas, cells_of
 from scenarios.cli import main
 from scenarios.draws import seed_of_clip
 from scenarios.estimators import EstimatorSpec
+from scenarios.filling import Filling
 from scenarios.hunt import DOWNHILL, Quarry, hunt, on_lanes
 from scenarios.hunt_moves import Known, chasing
 from scenarios.hunted import Cell
 from scenarios.lanes import lanes_of
 from scenarios.margins import Margins
-from scenarios.projections import Projections
 from scenarios.run_campaign import local_workers
 from scenarios.scene_work import LeakOutcome, MethodOutcome, limit_s
 from scenarios.space import NOMINAL
@@ -124,11 +124,12 @@ def test_what_leads_nowhere_makes_room_for_what_is_new():
 
 def test_a_hunt_looks_into_dips_with_the_first_leak_and_all_else_as_it_comes(harness_seed):
     quarry, on_slope = Quarry(space(), ROBUST, harness_seed), Planted("wide", PLANTED[8].ranges, 0.3)
-    known = Known(quarry.space, rng=np.random.default_rng(harness_seed))
+    known = Known(quarry.space)
     for tried in hunt(quarry, lambda works: [stand_in(on_slope, work.scenario) for work in works], 150):
         for one in tried:
             known.add(one)
-    moves = chasing(known, list(range(5)), rng=np.random.default_rng(harness_seed))
+    gaps = Filling(quarry.space, known.seen, known.visibility)
+    moves = chasing(known, gaps, list(range(5)), rng=np.random.default_rng(harness_seed))
     assert moves
     for move in moves:
         aim = known.aims[move]
@@ -156,30 +157,6 @@ def test_a_leak_tries_the_place_that_it_has_to_the_centimetre(seed):
         range_m, azimuth = reach_m(where) * math.sqrt(trial[-2]), math.pi * (trial[-1] - 0.5)
         place_m = range_m * math.cos(azimuth), range_m * math.sin(azimuth)
         assert place_m == pytest.approx((leak.x_m, leak.y_m), abs=1e-6)
-
-
-@settings(max_examples=20)
-@given(st.integers(0, 1000))
-def test_whoever_fills_most_gaps_leaves_no_quarter_of_any_pair_of_parameters_empty(seed):
-    rng = np.random.default_rng(seed)
-    seen, chosen = Projections([np.inf] * 4), []
-    for _ in range(24):
-        candidates = rng.random((64, 4))
-        chosen.append(candidates[seen.gain(candidates).argmax()])
-        seen.add(chosen[-1][None])
-        assert seen.gain(chosen[-1][None])[0] == 0.0  # what has been tried fills nothing any more
-    quarters = (np.array(chosen) * 2).astype(int)
-    for one in range(4):
-        for other in range(one):
-            assert len(set(zip(quarters[:, one], quarters[:, other], strict=True))) == 4
-
-
-def test_boxes_are_never_finer_than_the_values_of_a_parameter():
-    seen = Projections([2.0, np.inf])
-    for share in np.linspace(0.01, 0.99, 64):
-        seen.add(np.array([[0.1, share]]))
-    near, far = seen.gain(np.array([[0.4, 0.5], [0.6, 0.5]]))
-    assert near < far
 
 
 def outcome_with(*codes, false=()):
