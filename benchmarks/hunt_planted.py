@@ -2,8 +2,8 @@
 
 Part 1, over seeds, with stand-ins that do not render: failures at the end of a slope, and the same as cliffs. Part 2
 (--each, of cliffs with --cliffs): the robust method made blind, rendered, on 2 workers: ten hunts, each until it meets
-its failure, which is shrunk and replayed from its file; then a random sample of as many seconds as each of them may take, which tells of all
-ten at once: one is met when an observable leak stands in its range.
+its failure, which is shrunk and replayed from its file; then a random sample of as many seconds as each of them may
+take, which tells of all ten at once: one is met when an observable leak stands in its range.
 """
 
 import argparse

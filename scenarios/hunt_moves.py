@@ -26,7 +26,7 @@ MEMORY = 24
 """Moves of a kind by which the next are measured."""
 
 NOW_AND_THEN = 0.25
-"""Of rounds."""
+"""Of rounds, those with a move of a kind that has not paid of late."""
 
 TRIES = 20
 
