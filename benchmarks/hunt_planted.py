@@ -38,8 +38,8 @@ NEVER = 10**6
 CODE = "missed.unexplained"
 MOST_FIELDS = 3
 BATCH = 12  # as many as a hunt's round
-RANDOM_PER_HUNTED = 1.4
-"""Random scenes that take as long as one of a hunt, which has more leaks: 1080 and 760 in 300 s, rendered."""
+RANDOM_PER_HUNTED = 1.2
+"""Random scenes that take as long as one of a hunt, which has more leaks: 1080 and 840 to 1080 in 300 s, rendered."""
 
 ROBUST = EstimatorSpec("method", "robust")
 WORDS = max(len(planted.words) for planted in PLANTED) + 1
@@ -165,7 +165,7 @@ def _replays(scenario, spec):
 def main():
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--seeds", type=int, default=6, help="of part 1")
-    options.add_argument("--scenes", type=int, default=750, help="of part 1, at most, of hunts")
+    options.add_argument("--scenes", type=int, default=900, help="of part 1, at most, of hunts")
     options.add_argument("--each", action="store_true", help="part 2")
     options.add_argument("--cliffs", action="store_true", help="in part 2 nothing beside the ranges")
     options.add_argument("--budget-s", type=float, default=300.0, help="of part 2")

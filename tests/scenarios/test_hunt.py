@@ -144,8 +144,8 @@ def test_a_failure_that_is_known_is_chased_no_further(harness_seed):
     )
     chased = [one.run.leaks[0] for tried in rounds for one in tried if one.move.origin == "chasing"]
     missed = [leak.observable and leak.code != "found" for leak in chased]
-    assert ENOUGH <= sum(missed) < 0.3 * len(chased)  # 21 to 25 of 160; 130 of 160 where no end is made
-    assert sum(missed[-80:]) <= 2
+    assert ENOUGH <= sum(missed) < 0.3 * len(chased)  # 23 to 28 of 130; four of five where no end is made
+    assert sum(missed[-40:]) <= 2  # 0 or 1
 
 
 @given(st.integers(0, 1000))
