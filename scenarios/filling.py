@@ -43,26 +43,21 @@ class Filling:
     def scene(self, seed: int, *, rng: np.random.Generator) -> list[float]:
         """Return the shares of a scene that promises much."""
         while True:
-            shares = self._climbed_to(rng.random((N_STARTS, n_shares(self._space))), (), seed, rng=rng)
+            shares = self.scene_with({}, seed, rng=rng)
             if shares is not None:
                 return shares
 
     def scene_with(self, held: dict[int, float], seed: int, *, rng: np.random.Generator) -> list[float] | None:
         """Return the shares of a scene that promises much, with some given; None when none is met.
 
-        Its first leak is the one that matters: gaps count by its chance to be observable.
+        Where some are given its first leak is the one that matters: gaps count by its chance to be observable. Where
+        no climb ends at a scene that breaks no rule, it is the best start that breaks none.
         """
         starts = rng.random((N_STARTS, n_shares(self._space)))
         starts[:, list(held)] = list(held.values())
-        return self._climbed_to(starts, held, seed, rng=rng)
-
-    def _climbed_to(
-        self, starts: np.ndarray, held: Collection[int], seed: int, *, rng: np.random.Generator
-    ) -> list[float] | None:
-        """Return the best scene that is met by climbing, or the best start that is one; None when none is."""
-        best = np.argsort(-self._promise(starts, held), kind="stable")
-        climbed = np.stack([self._climbed(starts[i], held, rng=rng) for i in best[:N_CLIMBED]])
-        in_order = [*climbed[np.argsort(-self._promise(climbed, held), kind="stable")], *starts[best]]
+        starts = starts[np.argsort(-self._promise(starts, held), kind="stable")]
+        climbed = np.stack([self._climbed(start, held, rng=rng) for start in starts[:N_CLIMBED]])
+        in_order = [*climbed[np.argsort(-self._promise(climbed, held), kind="stable")], *starts]
         tried = (list(map(float, shares)) for shares in in_order)
         return next((shares for shares in tried if scenario_of(self._space, shares, seed) is not None), None)
 

@@ -22,7 +22,7 @@ from scenarios.space_point import n_shares, scenario_of
 N_START = 32
 ROUND = 12
 DOWNHILL, SPREADING = 3, 2
-"""Of a round, at most: as many as of the last ones showed something new, at least one."""
+"""Of a round, at most: as many as of the last ones showed something new."""
 
 CHASING = 6
 """Of a round, at most. The rest fills gaps."""

@@ -7,9 +7,10 @@ of trials. Covering arrays do the same for discrete parameters (Cohen et al., IE
 next-best trial at a time.
 """
 
+import copy
 import math
 from collections.abc import Sequence
-from functools import cache, cached_property
+from functools import cached_property, lru_cache
 from itertools import combinations
 
 import cv2
@@ -44,9 +45,8 @@ class Projections:
 
     def copy(self) -> "Projections":
         """Return a copy that can be added to."""
-        other = Projections([])
-        other.parameters, other._cells, other._starts = self.parameters, self._cells, self._starts
-        other._filled, other._n_trials = self._filled.copy(), self._n_trials
+        other = copy.copy(self)
+        other._filled = self._filled.copy()
         return other
 
     def add(self, trials: np.ndarray) -> None:
@@ -77,7 +77,7 @@ class Projections:
         return np.concatenate([np.zeros(0, np.float32), *(table.ravel() for table in tables)])
 
 
-@cache
+@lru_cache(maxsize=256)
 def _shapes(n_rows: int, n_columns: int, n_trials: int) -> list[tuple[int, int]]:
     """Return the rows and columns of boxes in cells, from wide to high, each about twice as high as the last."""
     area = SIZE / max(n_trials, 1) * n_rows * n_columns

@@ -17,8 +17,8 @@ SCENE_S, LEAK_S, PIXEL_S = 0.05, 0.1, 2e-7
 
 def scene_s(scenario: Scenario) -> float:
     """Return about how long a scene takes, s."""
-    n_leaks = len(scenario.leak) if scenario.layout is None else scenario.layout.n_leaks
-    return SCENE_S + LEAK_S * n_leaks + PIXEL_S * math.prod(_clip(scenario).values())
+    n = len(scenario.leak) if scenario.layout is None else scenario.layout.n_leaks
+    return SCENE_S + LEAK_S * n + PIXEL_S * math.prod(_clip(scenario).values())
 
 
 class SceneTimes:

@@ -81,8 +81,8 @@ def test_a_planned_scene_is_not_planned_again_and_no_trial_before_it_is_done(see
 
 
 @pytest.mark.statistical
-def test_200_planned_scenes_try_twice_as_many_pairs_of_values_as_as_many_at_random(harness_seed):
-    """Field of view and frames: 684 pairs, of which 200 random scenes try some 75 where any of their leaks is seen."""
+def test_planned_scenes_try_more_pairs_of_values_than_random_ones(harness_seed):
+    """Of 684 pairs of field of view and frames 200 planned scenes try 162 to 171, random ones 85 to 102 (4 seeds)."""
     where, rng = space(), np.random.default_rng(harness_seed)
 
     def pairs(points):
