@@ -24,8 +24,8 @@ from planted_failures import CLIFFS, PLANTED, is_met, situation_of, space, stand
 
 from scenarios.draws import seed_of_clip  # noqa: E402
 from scenarios.estimators import EstimatorSpec  # noqa: E402
-from scenarios.hunt import Quarry, hunt, on_lanes  # noqa: E402
-from scenarios.lanes import lanes_of  # noqa: E402
+from scenarios.hunt import Quarry, hunt  # noqa: E402
+from scenarios.lanes import lanes_of, on_lanes  # noqa: E402
 from scenarios.run_campaign import local_workers  # noqa: E402
 from scenarios.scenario_file import read_scenario  # noqa: E402
 from scenarios.scene_file import conditions  # noqa: E402
@@ -46,13 +46,16 @@ WORDS = max(len(planted.words) for planted in PLANTED) + 1
 
 
 def random_rounds(evaluate, seed):
-    """Yield rounds of (scenario, run) of a random sample without end."""
+    """Yield rounds of (scenario, run) of a random sample without end; the next is under way meanwhile, as in a hunt."""
     where, rng, number = space(), np.random.default_rng(10_000 + seed), count()
+    under_way = None
     while True:
         drawn = (scenario_of(where, rng.random(n_shares(where)), seed_of_clip(seed, next(number))) for _ in count())
         valid = (scene for scene in drawn if scene is not None)
         works = [SceneWork(i, scene, (ROBUST,), 300.0) for i, scene in zip(range(BATCH), valid, strict=False)]
-        yield [(work.scenario, run) for work, run in zip(works, evaluate(works), strict=True)]
+        before, under_way = under_way, ([work.scenario for work in works], evaluate(works))
+        if before is not None:
+            yield list(zip(*before, strict=True))
 
 
 def over_seeds(failures, n_seeds, budget, n_workers):
@@ -124,8 +127,8 @@ def at_random(budget_s, n_workers, seed):
     """Sample at random for as long as each hunt may take; print which of the ten are met."""
     end_s = time.monotonic() + budget_s
     until, n_scenes = {}, 0
-    with lanes_of(local_workers(n_workers)) as lanes:
-        for scenes in random_rounds(on_lanes(lanes), seed):
+    with lanes_of(local_workers(n_workers)) as lanes, on_lanes(lanes) as evaluate:
+        for scenes in random_rounds(evaluate, seed):
             if time.monotonic() > end_s:
                 break
             for scene, run in scenes:
@@ -147,11 +150,12 @@ def _leak_met(planted, found):
 def _hunted(quarry, planted, lanes, budget_s):
     """Return the first scene that meets a planted failure (None without), how many it took, and seconds."""
     start_s = time.monotonic()
-    for tried in hunt(quarry, on_lanes(lanes)):
-        took_s = time.monotonic() - start_s
-        met = next((one for one in tried if is_met(planted, one.scenario, one.run)), None)
-        if took_s > budget_s or met is not None:
-            return met if took_s <= budget_s else None, (met or tried[-1]).number + 1, took_s
+    with on_lanes(lanes) as evaluate:
+        for tried in hunt(quarry, evaluate):
+            took_s = time.monotonic() - start_s
+            met = next((one for one in tried if is_met(planted, one.scenario, one.run)), None)
+            if took_s > budget_s or met is not None:
+                return met if took_s <= budget_s else None, (met or tried[-1]).number + 1, took_s
     raise AssertionError("unreachable: hunts have no end")
 
 

@@ -62,7 +62,7 @@ def agreement(left: Streaks, right: Streaks, paths: Sequence[FallPath] = ()) -> 
         [np.clip(one, BRIGHT_FROM, BRIGHT_TO) for one in both] for both in (activities, (left.glitter, right.glitter))
     ]
     lit = [(_samples(both[0], fold), _samples(both[1], fold)) for both in shining for fold in FOLDS]
-    with ThreadPoolExecutor(2) as threads:
+    with ThreadPoolExecutor(min(2, cv2.getNumThreads())) as threads:
         signed, bright = threads.map(_best_root, (samples, lit))
     share = np.sqrt(np.minimum.outer(left.alive, right.alive)).astype(np.float32)
     return Agreement(signed * share, bright * share)

@@ -80,8 +80,9 @@ def add_noise(  # noqa: PLR0913 - frames, physics and the key of the draws: the 
         return replace(hits, charge_e=None)
 
     irradiation.prepare()
-    with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
-        done = list(pool.map(do, range(len(frames))))
+    n_threads = workers or os.cpu_count() or 1
+    with ThreadPoolExecutor(n_threads) as pool:
+        done = list((pool.map if n_threads > 1 else map)(do, range(len(frames))))
     hits = joined_hits([no_hits(), *(frame.hits for frame in done)])
     border = joined_hits([no_hits(), *(frame.border_hits for frame in done)])
     return NoisyClip(out, hits, border, irradiation, seed, camera_key(camera))

@@ -96,14 +96,17 @@ def _check_input_apart(given: str, destination: Path) -> None:
 def _hunted(quarry: Quarry, n_scenes: int | None, budget_s: float | None, n_workers: int) -> Iterator[Tried]:
     """Yield scenes tried until their number or the time is spent, whichever is first; rounds are not cut by time."""
     from scenarios.hunt import hunt as hunted
-    from scenarios.hunt import on_lanes
     from scenarios.hunt_progress import hunting
-    from scenarios.lanes import lanes_of
+    from scenarios.lanes import lanes_of, on_lanes
     from scenarios.run_campaign import local_workers
 
     end_s = None if budget_s is None else time.monotonic() + budget_s
-    with lanes_of(local_workers(n_workers)) as lanes, hunting(n_scenes, budget_s) as tell:
-        for tried in hunted(quarry, on_lanes(lanes), n_scenes):
+    with (
+        lanes_of(local_workers(n_workers)) as lanes,
+        on_lanes(lanes) as evaluate,
+        hunting(n_scenes, budget_s) as tell,
+    ):
+        for tried in hunted(quarry, evaluate, n_scenes):
             for one in tried:
                 tell(one)
                 yield one
@@ -174,8 +177,7 @@ def envelope(space: str, destination: Path, *, force: bool, **options: Any) -> N
     from scenarios.envelope import Quest
     from scenarios.envelope import envelope as envelope_of
     from scenarios.envelope_page import as_json, envelope_html
-    from scenarios.hunt import on_lanes
-    from scenarios.lanes import lanes_of
+    from scenarios.lanes import lanes_of, on_lanes
     from scenarios.output_folder import write_file, write_json
     from scenarios.progress import counting
     from scenarios.run_campaign import local_workers
@@ -185,8 +187,12 @@ def envelope(space: str, destination: Path, *, force: bool, **options: Any) -> N
     check_destination(destination, "envelope.json", force=force)
     _check_input_apart(space, destination)
     with (replacing if force else creating)(destination) as folder:
-        with lanes_of(local_workers(options["n_workers"])) as lanes, counting("clips") as tell:
-            found = envelope_of(quest, on_lanes(lanes), tell)
+        with (
+            lanes_of(local_workers(options["n_workers"])) as lanes,
+            on_lanes(lanes) as evaluate,
+            counting("clips") as tell,
+        ):
+            found = envelope_of(quest, evaluate, tell)
         write_json(folder / "envelope.json", as_json(found))
         write_file(folder / "envelope.html", envelope_html(found))
     shown = found.shown

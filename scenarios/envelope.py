@@ -20,6 +20,7 @@ import numpy as np
 from scenarios.draws import Stream, rng_for, seed_of_clip
 from scenarios.estimators import EstimatorSpec
 from scenarios.failures import failures
+from scenarios.lanes import Evaluate
 from scenarios.rules import violations
 from scenarios.scene_work import MethodOutcome, SceneWork, limit_s
 from scenarios.space import Space, sample_at
@@ -34,7 +35,6 @@ BATCH = 8
 SCENE_LIMIT_S = 120.0
 MAX_DRAWS_PER_TRIAL = 20
 MAX_POINTS_PER_TRIAL = 10 * MAX_DRAWS_PER_TRIAL
-Evaluate = Callable[[Sequence[SceneWork]], list[MethodOutcome]]
 
 
 class NoTrialsError(ValueError):

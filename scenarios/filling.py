@@ -13,8 +13,8 @@ from scenarios.space import Space
 from scenarios.space_point import n_leaks, n_shares, scenario_of, trials_of
 from scenarios.visibility import Visibility
 
-N_STARTS, N_CLIMBED = 30, 2
-"""Random scenes, and those of them that promise most, from which is climbed."""
+N_STARTS = 30
+"""Random scenes, of which the one that promises most is climbed from."""
 
 N_VALUES = 48
 """That are tried of a share."""
@@ -51,22 +51,27 @@ class Filling:
         """Return the shares of a scene that promises much, with some given; None when none is met.
 
         Where some are given its first leak is the one that matters: gaps count by its chance to be observable. Where
-        no climb ends at a scene that breaks no rule, it is the best start that breaks none.
+        the climb ends at a scene that breaks a rule, it is the best start that breaks none.
         """
         starts = rng.random((N_STARTS, n_shares(self._space)))
         starts[:, list(held)] = list(held.values())
         starts = starts[np.argsort(-self._promise(starts, held), kind="stable")]
-        climbed = np.stack([self._climbed(start, held, rng=rng) for start in starts[:N_CLIMBED]])
-        in_order = [*climbed[np.argsort(-self._promise(climbed, held), kind="stable")], *starts]
-        tried = (list(map(float, shares)) for shares in in_order)
+        tried = (list(map(float, shares)) for shares in (self._climbed(starts[0], held, rng=rng), *starts))
         return next((shares for shares in tried if scenario_of(self._space, shares, seed) is not None), None)
 
     def _climbed(self, shares: np.ndarray, held: Collection[int], *, rng: np.random.Generator) -> np.ndarray:
         for place in rng.permutation([i for i in range(len(shares)) if i not in held]):
+            if self._is_of_no_leak(place, shares):
+                continue
             others = np.tile(shares, (N_VALUES + 1, 1))
             others[1:, place] = (np.arange(N_VALUES) + rng.random(N_VALUES)) / N_VALUES
             shares = others[self._promise(others, held).argmax()]
         return shares
+
+    def _is_of_no_leak(self, place: int, shares: np.ndarray) -> bool:
+        """Whether a share is of a leak that a point does not ask for."""
+        n_axes = len(self._space.axes)
+        return place > n_axes and bool(place > n_axes + 2 * n_leaks(self._space, shares))
 
     def _promise(self, points: np.ndarray, held: Collection[int]) -> np.ndarray:
         """Return what scenes are expected to be the first to hit, for the time they take, up to a factor, (scenes,)."""

@@ -7,18 +7,31 @@ import multiprocessing
 import signal
 import time
 from collections import deque
-from collections.abc import Callable, Hashable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, ProcessPoolExecutor, wait
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    CancelledError,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+    wait,
+)
 from contextlib import contextmanager
 from dataclasses import dataclass
+from queue import SimpleQueue
 
-from scenarios.scene_work import SceneOutcome, SceneWork, broken_scene, run_scene
+from scenarios.scene_time import scene_s
+from scenarios.scene_work import MethodOutcome, SceneOutcome, SceneWork, broken_scene, run_scene
 from scenarios.versions import versions
-from scenarios.workers import WorkerError, begin_worker
+from scenarios.workers import WorkerError, begin_worker, one_blas_thread
 
 TRIES = 2
 NewExecutor = Callable[[], Executor]
 """Makes the executor of a lane: one worker, and a new one after its death."""
+
+Evaluate = Callable[[Sequence[SceneWork]], Iterable[MethodOutcome]]
+"""Begins to render scenes and to run their one estimator on them, and gives what came out, in their order."""
 
 
 @dataclass(frozen=True)
@@ -96,6 +109,13 @@ class Lane:
             raise WorkerError(f"a worker has {outcome.versions}; here is {versions()}: results would not be the same")
         return outcome
 
+    def done(self, work: SceneWork) -> SceneOutcome:
+        """Wait for the outcome of a scene; it is tried again when its worker dies, once."""
+        while True:
+            result = self.result(self.begin(work))
+            if not isinstance(result, SceneWork):
+                return result
+
     def stop(self) -> None:
         """Let the worker go, without waiting for what it does."""
         if self._executor is not None:
@@ -105,7 +125,8 @@ class Lane:
     def _started(self) -> Executor:
         """Start a worker. It says hello first: one that cannot do that much is no scene's fault."""
         self._executor = self._new_executor()
-        self._greeting = self._executor.submit(versions)
+        with one_blas_thread():
+            self._greeting = self._executor.submit(versions)
         self._greeting.add_done_callback(self._greeted)
         return self._executor
 
@@ -130,27 +151,27 @@ class Lanes:
 
     def __init__(self, kind: Kind) -> None:
         """Start no worker yet."""
-        self._lanes = [Lane(new_executor, kind.deaths) for new_executor in kind.lanes]
+        self.each = [Lane(new_executor, kind.deaths) for new_executor in kind.lanes]
 
     def done(self, groups: Sequence[Sequence[SceneWork]]) -> Iterator[SceneOutcome]:
         """Yield the outcome of every scene as it is done. A scene is tried again when its worker dies, once.
 
         Raises WorkerError when workers cannot work at all.
         """
-        shares = Shares(groups, len(self._lanes))
+        shares = Shares(groups, len(self.each))
         running: dict[Future[SceneOutcome], int] = {}
 
         def go_on(number: int, work: SceneWork | None) -> None:
             if work is not None:
-                running[self._lanes[number].begin(work)] = number
+                running[self.each[number].begin(work)] = number
 
-        for number in range(len(self._lanes)):
+        for number in range(len(self.each)):
             go_on(number, shares.next_of(number))
         while running:
             done, _ = wait(running, return_when=FIRST_COMPLETED)
             for future in done:
                 number = running.pop(future)
-                result = self._lanes[number].result(future)
+                result = self.each[number].result(future)
                 if isinstance(result, SceneWork):
                     go_on(number, result)
                 else:
@@ -159,7 +180,7 @@ class Lanes:
 
     def stop(self) -> None:
         """Let all workers go."""
-        for lane in self._lanes:
+        for lane in self.each:
             lane.stop()
 
 
@@ -171,6 +192,36 @@ def lanes_of(kind: Kind) -> Iterator[Lanes]:
         yield lanes
     finally:
         lanes.stop()
+
+
+@contextmanager
+def on_lanes(lanes: Lanes) -> Iterator[Evaluate]:
+    """Yield the evaluation of scenes on lanes, that goes on while its caller does other things.
+
+    What is begun meanwhile follows at once, so that no lane is idle. What was not begun when the block ends never is.
+    """
+    free: SimpleQueue[Lane] = SimpleQueue()
+    for lane in lanes.each:
+        free.put(lane)
+
+    def run(work: SceneWork) -> MethodOutcome:
+        lane = free.get()
+        try:
+            return lane.done(work).runs[0]
+        finally:
+            free.put(lane)
+
+    threads = ThreadPoolExecutor(len(lanes.each))
+
+    def evaluate(works: Sequence[SceneWork]) -> Iterator[MethodOutcome]:
+        longest_first = sorted(works, key=lambda work: -scene_s(work.scenario))  # no lane is idle for long at the end
+        begun = {work.number: threads.submit(run, work) for work in longest_first}
+        return (begun[work.number].result() for work in works)
+
+    try:
+        yield evaluate
+    finally:
+        threads.shutdown(wait=False, cancel_futures=True)
 
 
 def scenes_done(kind: Kind, groups: Sequence[Sequence[SceneWork]]) -> Iterator[SceneOutcome]:

@@ -82,7 +82,8 @@ def _shapes(n_rows: int, n_columns: int, n_trials: int) -> list[tuple[int, int]]
     """Return the rows and columns of boxes in cells, from wide to high, each about twice as high as the last."""
     area = SIZE / max(n_trials, 1) * n_rows * n_columns
     lowest, highest = max(area / n_columns, 1.0), max(min(float(n_rows), area), 1.0)
-    rows = np.geomspace(lowest, highest, 1 + round(math.log2(highest / lowest)))
+    doublings = round(math.log2(highest / lowest))
+    rows = [lowest * (highest / lowest) ** (i / max(doublings, 1)) for i in range(doublings + 1)]
     return sorted({(round(row), max(round(area / row), 1)) for row in rows})
 
 

