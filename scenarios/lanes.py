@@ -151,36 +151,52 @@ class Lanes:
 
     def __init__(self, kind: Kind) -> None:
         """Start no worker yet."""
-        self.each = [Lane(new_executor, kind.deaths) for new_executor in kind.lanes]
+        self._lanes = [Lane(new_executor, kind.deaths) for new_executor in kind.lanes]
+        self._free: SimpleQueue[Lane] = SimpleQueue()
+        for lane in self._lanes:
+            self._free.put(lane)
+
+    @property
+    def n(self) -> int:
+        """Number of lanes."""
+        return len(self._lanes)
 
     def done(self, groups: Sequence[Sequence[SceneWork]]) -> Iterator[SceneOutcome]:
         """Yield the outcome of every scene as it is done. A scene is tried again when its worker dies, once.
 
         Raises WorkerError when workers cannot work at all.
         """
-        shares = Shares(groups, len(self.each))
+        shares = Shares(groups, len(self._lanes))
         running: dict[Future[SceneOutcome], int] = {}
 
         def go_on(number: int, work: SceneWork | None) -> None:
             if work is not None:
-                running[self.each[number].begin(work)] = number
+                running[self._lanes[number].begin(work)] = number
 
-        for number in range(len(self.each)):
+        for number in range(len(self._lanes)):
             go_on(number, shares.next_of(number))
         while running:
             done, _ = wait(running, return_when=FIRST_COMPLETED)
             for future in done:
                 number = running.pop(future)
-                result = self.each[number].result(future)
+                result = self._lanes[number].result(future)
                 if isinstance(result, SceneWork):
                     go_on(number, result)
                 else:
                     go_on(number, shares.next_of(number))  # before the result is written, which takes a while
                     yield result
 
+    def done_by_a_free_one(self, work: SceneWork) -> SceneOutcome:
+        """Wait for a lane that is free, and for the outcome of a scene on it. For threads, and not beside `done`."""
+        lane = self._free.get()
+        try:
+            return lane.done(work)
+        finally:
+            self._free.put(lane)
+
     def stop(self) -> None:
         """Let all workers go."""
-        for lane in self.each:
+        for lane in self._lanes:
             lane.stop()
 
 
@@ -200,23 +216,12 @@ def on_lanes(lanes: Lanes) -> Iterator[Evaluate]:
 
     What is begun meanwhile follows at once, so that no lane is idle. What was not begun when the block ends never is.
     """
-    free: SimpleQueue[Lane] = SimpleQueue()
-    for lane in lanes.each:
-        free.put(lane)
-
-    def run(work: SceneWork) -> MethodOutcome:
-        lane = free.get()
-        try:
-            return lane.done(work).runs[0]
-        finally:
-            free.put(lane)
-
-    threads = ThreadPoolExecutor(len(lanes.each))
+    threads = ThreadPoolExecutor(lanes.n)
 
     def evaluate(works: Sequence[SceneWork]) -> Iterator[MethodOutcome]:
         longest_first = sorted(works, key=lambda work: -scene_s(work.scenario))  # no lane is idle for long at the end
-        begun = {work.number: threads.submit(run, work) for work in longest_first}
-        return (begun[work.number].result() for work in works)
+        begun = {work.number: threads.submit(lanes.done_by_a_free_one, work) for work in longest_first}
+        return (begun[work.number].result().runs[0] for work in works)
 
     try:
         yield evaluate

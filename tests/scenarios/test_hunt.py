@@ -18,7 +18,7 @@ from scenarios.cli import main
 from scenarios.draws import seed_of_clip
 from scenarios.estimators import EstimatorSpec
 from scenarios.filling import Filling
-from scenarios.hunt import DOWNHILL, Quarry, hunt
+from scenarios.hunt import DOWNHILL, ROUND, Quarry, hunt
 from scenarios.hunt_moves import Known, chasing
 from scenarios.hunted import Cell
 from scenarios.lanes import lanes_of, on_lanes
@@ -84,24 +84,55 @@ def test_a_hunt_follows_from_its_seed():
     assert first[:12] != moves(4)[:12]
 
 
-def valley(target):
-    """Right by a margin that falls towards one point of the space, and wrong within a hundredth of its baseline."""
+def test_a_round_follows_from_all_rounds_but_the_one_under_way():
+    def rounds(changed):
+        def evaluate(works):
+            blind = PLANTED[0] if works[0].number < changed * ROUND else FREQUENT[2]
+            return [replace(stand_in(blind, work.scenario), margins=Margins(0.01, 1.0, 1.0)) for work in works]
 
-    def outcome(scenario):
-        margin = min(abs(scenario.rig.hfov_deg - target) / 35.0 - 0.01, 0.39)
-        code = "found" if margin >= 0.0 else "missed.unexplained"
-        leak = LeakOutcome(0, 1.0, 0.0, True, True, False, code, None, None)
-        return MethodOutcome("valley", "ok", "", (leak,), margins=Margins(margin, 1.0, 1.0))
+        return [[one.move for one in tried] for tried in hunt(Quarry(space(), ROBUST, 3), evaluate, 5 * ROUND)]
 
-    return outcome
+    whole, other = rounds(changed=5), rounds(changed=2)
+    assert whole[:4] == other[:4]
+    assert whole[4] != other[4]
 
 
-def test_margins_lead_downhill_to_where_they_are_negative():
-    found = valley(72.0)
-    rounds = list(hunt(Quarry(space(), ROBUST, 0), lambda works: [found(work.scenario) for work in works], 120))
-    down = [one for tried in rounds for one in tried if one.move.origin == "downhill"]
-    start = [one for one in rounds[0] if one.run.margins.least >= 0.0]
-    assert min(one.run.margins.least for one in down) < 0.0 <= min(one.run.margins.least for one in start)
+def test_a_round_is_begun_before_the_one_before_it_is_awaited():
+    events = []
+
+    def evaluate(works):
+        events.append(("begun", works[0].number))
+        runs = [stand_in(NOWHERE, work.scenario) for work in works]
+        return awaited(works[0].number, runs)
+
+    def awaited(number, runs):
+        events.append(("awaited", number))
+        yield from runs
+
+    list(hunt(Quarry(space(), ROBUST, 0), evaluate, 3 * ROUND))
+    assert events == [
+        *(("begun", 0), ("begun", ROUND), ("awaited", 0)),
+        *(("begun", 2 * ROUND), ("awaited", ROUND), ("awaited", 2 * ROUND)),
+    ]
+
+
+def valley(scenario):
+    """Right by a margin that falls towards one baseline and field of view, and wrong within a twentieth of them."""
+    away = math.hypot((scenario.rig.hfov_deg - 72.0) / 35.0, (scenario.rig.baseline_m - 0.5) / 0.4)
+    margin = min(away - 0.05, 0.39)
+    code = "found" if margin >= 0.0 else "missed.unexplained"
+    leak = LeakOutcome(0, 1.0, 0.0, True, True, False, code, None, None)
+    return MethodOutcome("valley", "ok", "", (leak,), margins=Margins(margin, 1.0, 1.0))
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_margins_lead_downhill_to_where_they_are_negative(seed):
+    rounds = hunt(Quarry(space(), ROBUST, seed), lambda works: [valley(work.scenario) for work in works], 120)
+    least = {"start": 1.0, "downhill": 1.0}
+    for one in (one for tried in rounds for one in tried):
+        if one.move.origin in least:
+            least[one.move.origin] = min(least[one.move.origin], one.run.margins.least)
+    assert least["downhill"] < 0.0 <= least["start"]
 
 
 def all_found_by_a_small_margin(scenario):

@@ -28,6 +28,10 @@ def dies_always(number):
     return number * number
 
 
+def threads_said(_):
+    return os.environ.get("OPENBLAS_NUM_THREADS")
+
+
 @pytest.mark.parametrize("n_workers", [1, 2])
 def test_results_come_in_order_whatever_the_number_of_workers(n_workers):
     assert list(in_order(all_done(squared, range(7), n_workers))) == [0, 1, 4, 9, 16, 25, 36]
@@ -40,3 +44,9 @@ def test_what_a_dead_worker_left_is_done_by_another(tmp_path):
 def test_an_item_that_kills_every_worker_is_named():
     with pytest.raises(WorkerError, match="the first item left is 2"):
         list(all_done(dies_always, range(3), 2))
+
+
+def test_every_worker_has_one_thread_of_matrix_products(monkeypatch):
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+    assert dict(all_done(threads_said, range(2), 2)) == {0: "1", 1: "1"}
+    assert threads_said(0) is None
