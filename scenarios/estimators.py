@@ -22,6 +22,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, Literal
 
+import cv2
 import numpy as np
 
 import leakloc
@@ -176,7 +177,7 @@ class Host:
         if self._process is None or not self._process.is_alive() or self._pipe is None:
             context = multiprocessing.get_context("spawn")
             self._pipe, far_end = context.Pipe()
-            self._process = context.Process(target=_serve, args=(self._spec.text, far_end), daemon=True)
+            self._process = context.Process(target=_serve, args=(self._spec.text, far_end, cv2.getNumThreads()), daemon=True)
             self._process.start()
             far_end.close()
         return self._pipe
@@ -190,11 +191,12 @@ def _host_of(spec: EstimatorSpec) -> Host:
     return _hosts.setdefault(spec, Host(spec))
 
 
-def _serve(name: str, pipe: Connection) -> None:
-    """Answer clips until the other end is gone; runs in the host's process.
+def _serve(name: str, pipe: Connection, n_threads: int) -> None:
+    """Answer clips until the other end is gone; runs in the host's process, with as many threads as the other end.
 
     The first clip is taken before anything is imported: the other end, whose time-out begins after it, is not held up.
     """
+    cv2.setNumThreads(n_threads)
     function = None
     while True:
         try:

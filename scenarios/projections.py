@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-FINEST, FINEST_ALONE = 128, 1024
+FINEST, FINEST_ALONE = 128, 4096
 """Cells of a parameter in a pair and of one alone, at most."""
 
 SIZE = 0.5
