@@ -62,8 +62,8 @@ def locate_robustly(left: Frames, right: Frames, rig: Rig, expected_false_leaks:
     believed = level_pair(rig)
     condition = describe_clip(left, right)
     left, right = (alike_frames(frames, condition) for frames in (left, right))
-    with ThreadPoolExecutor(min(len(VIEWS), cv2.getNumThreads())) as threads:
-        # OpenCV and the sorts let go of the interpreter
+    n_threads = min(len(VIEWS), cv2.getNumThreads())  # as many as OpenCV may have: one where others use the other cores
+    with ThreadPoolExecutor(n_threads) as threads:  # OpenCV and the sorts let go of the interpreter
         leaning = list(
             threads.map(lambda view: streaks(levelled_frames((left, right)[view], believed, view)), range(len(VIEWS)))
         )

@@ -177,7 +177,8 @@ class Host:
         if self._process is None or not self._process.is_alive() or self._pipe is None:
             context = multiprocessing.get_context("spawn")
             self._pipe, far_end = context.Pipe()
-            self._process = context.Process(target=_serve, args=(self._spec.text, far_end, cv2.getNumThreads()), daemon=True)
+            arguments = (self._spec.text, far_end, cv2.getNumThreads())
+            self._process = context.Process(target=_serve, args=arguments, daemon=True)
             self._process.start()
             far_end.close()
         return self._pipe
