@@ -4,6 +4,7 @@ import os
 import signal
 import time
 
+import cv2
 import numpy as np
 
 import leakloc
@@ -14,6 +15,10 @@ def one_leak_on_the_axis(left, right, rig):
     assert left.shape == right.shape
     assert rig.image_size == (left.shape[2], left.shape[1])
     return [(0.0, 0.0)]
+
+
+def one_leak_as_far_as_there_are_threads(left, right, rig):
+    return [(cv2.getNumThreads(), 0.0)]
 
 
 def nothing(left, right, rig):

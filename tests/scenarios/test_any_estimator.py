@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -78,6 +79,16 @@ def test_what_a_bad_callable_does_is_an_outcome_and_the_next_clip_goes_on(clip, 
     assert answer.code == code
     assert words in answer.detail
     assert run_callable("nothing", clip).leaks == ()
+
+
+def test_a_callable_has_as_many_threads_as_its_caller(clip):
+    before = cv2.getNumThreads()
+    try:
+        cv2.setNumThreads(3)
+        estimate = run_callable("one_leak_as_far_as_there_are_threads", clip)
+    finally:
+        cv2.setNumThreads(before)
+    assert estimate.leaks[0].x_m == 3.0
 
 
 def test_a_callable_that_hangs_is_stopped(clip):

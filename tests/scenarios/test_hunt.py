@@ -116,6 +116,26 @@ def test_a_round_is_begun_before_the_one_before_it_is_awaited():
     ]
 
 
+ONE_AXIS = """
+name = "one axis"
+[[axis]]
+key = "rig.baseline_m"
+low = 0.3
+high = 0.89
+step = 0.01
+"""
+
+
+def test_what_the_round_under_way_tries_is_not_tried_again(tmp_path):
+    (tmp_path / "axis.toml").write_text(ONE_AXIS)
+    right = MethodOutcome("right", "ok", "", (), margins=Margins(1.0, 1.0, 1.0))
+    rounds = hunt(Quarry(read_space(tmp_path / "axis.toml"), ROBUST, 0), lambda works: [right] * len(works), 60)
+    tried = [(one.move.origin, round(one.scenario.rig.baseline_m, 2)) for tried in rounds for one in tried]
+    filling = [baseline_m for origin, baseline_m in tried if origin == "filling"]
+    assert len(filling) == 36
+    assert len({baseline_m for _, baseline_m in tried}) == len(filling) + len({b for o, b in tried if o == "start"})
+
+
 def valley(scenario):
     """Right by a margin that falls towards one baseline and field of view, and wrong within a twentieth of them."""
     away = math.hypot((scenario.rig.hfov_deg - 72.0) / 35.0, (scenario.rig.baseline_m - 0.5) / 0.4)

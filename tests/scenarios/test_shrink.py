@@ -13,19 +13,12 @@ from click.testing import CliRunner
 from scenarios.cli import main
 from scenarios.estimators import EstimatorSpec
 from scenarios.leaks import resolved
+from scenarios.reductions import TABLES_FIRST
 from scenarios.rules import violations
 from scenarios.scenario import BelievedRigTable, LampTable, Scenario
 from scenarios.scenario_file import read_scenario, validated
 from scenarios.scene_file import conditions, scene_toml
-from scenarios.shrink import (
-    TABLES_FIRST,
-    NothingFailsError,
-    codes_of,
-    complexity,
-    least_distance_m,
-    plainer_scenes,
-    shrink,
-)
+from scenarios.shrink import NothingFailsError, codes_of, complexity, least_distance_m, plainer_scenes, shrink
 from scenarios.shrunk_folder import explain_command
 from scenarios.space import scene_of
 
@@ -113,6 +106,22 @@ def test_a_place_that_fails_may_move_when_all_else_is_made_plain():
     leak = read_scenario("plain").leak[0].model_copy(update={"x_m": 0.8772, "y_m": -1.0131})
     busy = at(read_scenario("plain"), rig={"hfov_deg": 71.0, "baseline_m": 0.62, "roll_deg": 1.0})
     shrunk = last(busy.model_copy(update={"leak": (leak,)}), blind_at_a_place_that_moves_with_the_rig, MISSED)
+    assert len(conditions(shrunk.scenario)) <= 3
+
+
+def blind_in_a_ring_where_it_is_seen(scenario):
+    """Blind at 1.80 m from the middle for one field of view; far to the side that is seen by few rigs."""
+    (leak,) = scenario.leak
+    ahead = abs(math.atan2(leak.y_m, leak.x_m)) < math.radians(65.0)
+    is_seen = ahead or (scenario.rig.baseline_m < 0.35 and scenario.recording.n_frames > 18)
+    is_there = abs(math.hypot(leak.x_m, leak.y_m) - 1.80) < 0.01 and abs(scenario.rig.hfov_deg - 76.0) < 1.0
+    return {MISSED} if is_there and is_seen else set()
+
+
+def test_a_leak_may_go_around_the_middle_when_all_else_is_made_plain():
+    leak = read_scenario("plain").leak[0].model_copy(update={"x_m": 0.2031, "y_m": 1.7894})
+    busy = at(read_scenario("plain"), rig={"hfov_deg": 76.4, "baseline_m": 0.31}, recording={"n_frames": 19})
+    shrunk = last(busy.model_copy(update={"leak": (leak,)}), blind_in_a_ring_where_it_is_seen, MISSED)
     assert len(conditions(shrunk.scenario)) <= 3
 
 
