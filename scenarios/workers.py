@@ -16,6 +16,8 @@ Result = TypeVar("Result")
 BLAS_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 """Where the library behind numpy's matrix products reads its number of threads, as it is loaded."""
 
+_environment = threading.Lock()  # lanes start their workers from threads
+
 
 class WorkerError(ValueError):
     """Work that kills the processes that do it; the message names the first item left."""
@@ -72,13 +74,14 @@ def one_blas_thread() -> Iterator[None]:
 
     Two workers of two such threads on two cores take 1.4 times as long.
     """
-    unset = [name for name in BLAS_VARIABLES if name not in os.environ]
-    os.environ.update(dict.fromkeys(unset, "1"))
-    try:
-        yield
-    finally:
-        for name in unset:
-            del os.environ[name]
+    with _environment:
+        unset = [name for name in BLAS_VARIABLES if name not in os.environ]
+        os.environ.update(dict.fromkeys(unset, "1"))
+        try:
+            yield
+        finally:
+            for name in unset:
+                del os.environ[name]
 
 
 def begin_worker() -> None:

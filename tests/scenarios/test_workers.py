@@ -2,11 +2,13 @@
 
 import os
 import signal
+import time
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
 import pytest
 
-from scenarios.workers import WorkerError, all_done, in_order
+from scenarios.workers import WorkerError, all_done, in_order, one_blas_thread
 
 
 def squared(number):
@@ -49,4 +51,17 @@ def test_an_item_that_kills_every_worker_is_named():
 def test_every_worker_has_one_thread_of_matrix_products(monkeypatch):
     monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
     assert dict(all_done(threads_said, range(2), 2)) == {0: "1", 1: "1"}
+    assert threads_said(0) is None
+
+
+def test_threads_that_start_workers_at_once_leave_the_environment_as_it_was(monkeypatch):
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+
+    def started(_):
+        with one_blas_thread():
+            time.sleep(0.001)
+            return threads_said(0)
+
+    with ThreadPoolExecutor(8) as threads:
+        assert list(threads.map(started, range(40))) == ["1"] * 40
     assert threads_said(0) is None
