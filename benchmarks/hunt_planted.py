@@ -39,7 +39,7 @@ CODE = "missed.unexplained"
 MOST_FIELDS = 3
 BATCH = 12  # as many as a hunt's round
 RANDOM_PER_HUNTED = 1.2
-"""Random scenes that take as long as one of a hunt, which has more leaks: 1080 and 840 to 1080 in 300 s, rendered."""
+"""Random scenes that take as long as one of a hunt, which has more leaks: 1020 to 1080 and 840 to 1080 in 300 s."""
 
 ROBUST = EstimatorSpec("method", "robust")
 WORDS = max(len(planted.words) for planted in PLANTED) + 1

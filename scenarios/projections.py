@@ -18,7 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 FINEST, FINEST_ALONE = 128, 4096
-"""Cells of a parameter in a pair and of one alone, at most."""
+"""Cells of a parameter in a pair and of one alone, at most.
+
+Many alone: a range narrower than an estimator's error must be hit several times, by a leak that is also seen in it.
+"""
 
 SIZE = 0.5
 """Area of the boxes, in shares of what each trial would have if they were spread evenly."""

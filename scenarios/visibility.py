@@ -48,7 +48,7 @@ def _features(rows: np.ndarray) -> np.ndarray:
 
 
 def _logits(rows: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Return `_features(rows) @ weights`, (n,), as a quadratic form, in a third of the time."""
+    """Return `_features(rows) @ weights`, (n,), as a quadratic form: no products are stored."""
     centred, n = 2.0 * rows - 1.0, rows.shape[1]
     form = np.zeros((n, n))
     form[_pairs(n)] = weights[n + 1 :]
